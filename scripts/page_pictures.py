@@ -19,8 +19,9 @@ Take the pictures of the page that docs/ show, light and dark.
 
 ::
 
-    PYTHONPATH=. scripts/page_pictures.py                                  # of a scene of its own
-    PYTHONPATH=. scripts/page_pictures.py --url http://127.0.0.1:8080 --name mary < password   # of what runs
+    export PYTHONPATH=.
+    scripts/page_pictures.py                                  # of a scene of its own
+    scripts/page_pictures.py --url http://127.0.0.1:8080 --name mary < password   # of what runs
 
 Each is a PNG of 1280 x 800 with at most 128 colours, and so below 150 KB.
 """

@@ -22,8 +22,8 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
@@ -47,7 +47,7 @@ _NOTES = (
     'client on the other CPUs takes every sample through shared memory.')
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     seconds = common.START_S + _WARMUP_NS / NS_PER_S + options.seconds
 
     def run(key: str, label: str, devices: Sequence[str], mirrored: int = 0) -> Run:
@@ -69,7 +69,7 @@ _METRICS: dict[str, common.Of] = {
     'lost': common.figure('lost')}
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     targets = [Target(f'p99 with {text} / nothing captured', _LIMIT,
                       outcomes.ratio(key, 'none', punctual.latency(0.99)),
                       why='the core copies 64 KiB at a time and the capture processes share the '

@@ -31,7 +31,7 @@ from rt_robot_os.link.protocol import Header
 from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.tools.bench.cases.mirror.subjects import settings
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.subjects.link_client import connect
 from rt_robot_os.tools.bench.subjects.link_client import stay
@@ -41,7 +41,7 @@ _VIEWER = f'{__name__}:viewer'
 _PRIORITY = 30
 
 
-def core(harness: Harness) -> Measured:
+def core(harness: Harness) -> Measurement:
     """
     Run a 1 kHz task beside a camera and a microphone, as far as they are asked for.
 
@@ -78,7 +78,7 @@ def _add(tested: Core, kind: str, port: str, arguments: Mapping[str, Any]) -> No
                        priority=_PRIORITY, interrupt=True)
 
 
-def _run(harness: Harness, tested: Core, stamps: Stamps, counts: list[int]) -> Measured:
+def _run(harness: Harness, tested: Core, stamps: Stamps, counts: list[int]) -> Measurement:
     a = harness.arguments
     harness.prepare(freeze=True)
     cpu_ns, wall_ns = time.process_time_ns(), time.monotonic_ns()
@@ -89,7 +89,7 @@ def _run(harness: Harness, tested: Core, stamps: Stamps, counts: list[int]) -> M
         raise RuntimeError('nothing was captured')
     start_ns = tested.kernel.start_ns
     lost = sum(s.device.lost_samples for s in tested.sensors.statistics())
-    return Measured({'starts': stamps.taken()}, {
+    return Measurement({'starts': stamps.taken()}, {
         'phase_ns': start_ns, 'begin_ns': start_ns + a['warmup_ns'],
         'measure_ns': a['measure_ns'], 'cpu_percent': 100.0 * cpu_ns / wall_ns,
         'frames': frames, 'lost': lost})

@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rt_robot_os.motion.controllers import CONTROLLERS
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.case import UNPINNED
@@ -41,7 +41,7 @@ _PARTS = (('law', 'law'), ('follower', 'with all checks'),
           ('module', 'job of the module'))
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     runs = [Run(_STEPS, 'steps', f'{_SUBJECTS}:steps', {
         'measure_ns': options.measure_ns, 'laws': tuple(CONTROLLERS)},
         _START_S + options.seconds, once=options.quick)]
@@ -89,7 +89,7 @@ def _vectors(outcomes: Outcomes) -> Table:
         'Difference of the worst number: m, rad, m/s, rad/s.',))
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     targets = [Target(f'step of {law}, with all checks', _STEP_LIMIT_US,
                       outcomes.metric(_STEPS, common.part_of(
                            f'{law} follower', 0.5, _PS_PER_US)), 'us',

@@ -34,7 +34,7 @@ from rt_robot_os.motion.reference import PathReference
 from rt_robot_os.motion.spline import legs
 from rt_robot_os.motion.velocity_limits import VelocityLimits
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.operation_cost import block_means_ps
 from rt_robot_os.topics import Bus
 
@@ -46,16 +46,16 @@ _EIGHT = tuple(eight())
 _LIMITS = VelocityLimits(angular_max_rad_s=2.0, lateral_max_m_s2=1.0)
 
 
-def vectors(harness: Harness) -> Measured:
+def vectors(harness: Harness) -> Measurement:
     """Compare with the vectors of a file: how many there are, and the worst difference."""
     figures: dict[str, float] = {}
     for each in compare(Path(harness.arguments['data'])):
         figures[f'{each.group} cases'] = float(each.cases)
         figures[f'{each.group} worst'] = each.worst
-    return Measured({}, figures)
+    return Measurement({}, figures)
 
 
-def steps(harness: Harness) -> Measured:
+def steps(harness: Harness) -> Measurement:
     """Measure what a step of each law costs, in picoseconds."""
     tested: dict[str, Callable[[], object]] = {}
     for law in harness.arguments['laws']:
@@ -65,8 +65,8 @@ def steps(harness: Harness) -> Measured:
     tested['path'] = _path()
     harness.prepare(freeze=True)
     share_ns = harness.arguments['measure_ns'] // len(tested)
-    return Measured({name: block_means_ps(operation, share_ns)
-                     for name, operation in tested.items()})
+    return Measurement({name: block_means_ps(operation, share_ns)
+                        for name, operation in tested.items()})
 
 
 def _law(name: str) -> Callable[[], object]:

@@ -30,13 +30,13 @@ import numpy as np
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench import facts
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import BUILDS
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import COMPILED
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
@@ -90,7 +90,7 @@ _BUILD_RATIO, _BARE_RATIO = 0.5, 1.5
 _P50 = {sample: common.part_of(sample, 0.5) for sample, _ in _BUILD_ROWS}
 
 
-def _variants(options: Options) -> Sequence[tuple[int, int]]:
+def _variants(options: BenchOptions) -> Sequence[tuple[int, int]]:
     if options.quick:
         return (*((size, 1) for size in SIZES), (64, 4))
     numbers = (1, 4, 16) if options.full else (1, 4)
@@ -98,7 +98,7 @@ def _variants(options: Options) -> Sequence[tuple[int, int]]:
                  if count == 1 or size in (64, 2048, 64 * 1024))
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     measure_ns = round(options.seconds * NS_PER_S / _SHARE)
     variants = _variants(options)
     seconds = len(variants) * (_WARMUP_NS + measure_ns) / NS_PER_S
@@ -130,7 +130,7 @@ def _plan(options: Options) -> Sequence[Run]:
 
 
 def _arrived(name: str) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         if name not in outcome.samples:
             return None
         return 100.0 * min(1.0, len(outcome.samples[name]) / outcome.figures['due'])
@@ -146,7 +146,7 @@ def size_text(size: int) -> str:
     return f'{size} B'
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     rows: list[Row] = []
     for size, subscribers in _variants(options):
         name = f'{size_text(size):>6}, {subscribers:>2} sub{"s" if subscribers > 1 else " "}'
@@ -188,7 +188,7 @@ def _systems(outcomes: Outcomes) -> Sequence[tuple[str, Run]]:
 def _build_targets(outcomes: Outcomes, why: str) -> Sequence[Target]:
     key = common.key_of('turns', COMPILED)
 
-    def over_bare(outcome: Outcome) -> float | None:
+    def over_bare(outcome: RunOutcome) -> float | None:
         above, below = _P50[DELAY](outcome), _P50[SLEEPING](outcome)
         return above / below if above and below else None
 
@@ -217,7 +217,7 @@ def _why(outcomes: Outcomes) -> str:
     return told + common.disturbances(outcomes, 'kernel')
 
 
-def _sizes_plot(options: Options, outcomes: Outcomes) -> Plot:
+def _sizes_plot(options: BenchOptions, outcomes: Outcomes) -> Plot:
     series = [Series('paper', sorted(_PAPER_US), [_PAPER_US[size][0] for size in
                                                   sorted(_PAPER_US)], 'marks')]
     for key, run in _systems(outcomes):

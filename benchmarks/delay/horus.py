@@ -28,13 +28,13 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.cases.preemption.horus import PRIORITY
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.stamps import Stamps
 
 _MESSAGE_MAXIMUM = 3000
 
 
-def delay(harness: Harness) -> Measured:
+def delay(harness: Harness) -> Measurement:
     """
     Send dictionaries from a node to nodes that the topic triggers; larger ones are left out.
 
@@ -45,7 +45,7 @@ def delay(harness: Harness) -> Measured:
     for size, subscribers in a['variants']:
         if size <= _MESSAGE_MAXIMUM:
             samples[key(size, subscribers)] = _delay(a, size, subscribers)
-    return Measured(samples, {'due': due(a)})
+    return Measurement(samples, {'due': due(a)})
 
 
 def _delay(a: Any, size: int, subscribers: int) -> Samples:

@@ -34,24 +34,24 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.stamps import Stamps
-from rt_robot_os.tools.bench.subjects.rclpy_graph import Graph
 from rt_robot_os.tools.bench.subjects.rclpy_graph import graph
+from rt_robot_os.tools.bench.subjects.rclpy_graph import RclpyGraph
 from rt_robot_os.topics.resolve import message_class
 
 _DEPTH = 10
 _MATCH_TIMEOUT_S = 10.0
 
 
-def executor(harness: Harness) -> Measured:
+def executor(harness: Harness) -> Measurement:
     """Measure all variants (bytes, subscribers), each with a node of its own."""
     a = harness.arguments
     harness.prepare()
     samples: dict[str, Samples] = {}
     for size, subscribers in a['variants']:
         samples[key(size, subscribers)] = _measure(a, size, subscribers)
-    return Measured(samples, {'due': due(a)})
+    return Measurement(samples, {'due': due(a)})
 
 
 def _measure(a: Any, size: int, subscribers: int) -> Samples:
@@ -85,7 +85,7 @@ def _noting(receiver: Receiver) -> Callable[[Any], None]:
     return callback
 
 
-def _wait_for_match(tested: Graph, publisher: Any, subscribers: int) -> None:
+def _wait_for_match(tested: RclpyGraph, publisher: Any, subscribers: int) -> None:
     deadline = time.monotonic() + _MATCH_TIMEOUT_S
     while publisher.get_subscription_count() < subscribers:
         if time.monotonic() > deadline:

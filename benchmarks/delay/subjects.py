@@ -29,7 +29,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Publisher
@@ -98,7 +98,7 @@ def key(size: int, subscribers: int) -> str:
     return f'{size}x{subscribers}'
 
 
-def kernel(harness: Harness) -> Measured:
+def kernel(harness: Harness) -> Measurement:
     """Measure all variants (bytes, subscribers), one after the other."""
     a = harness.arguments
     samples: dict[str, Samples] = {}
@@ -107,10 +107,10 @@ def kernel(harness: Harness) -> Measured:
     harness.prepare(freeze=True)
     for size, subscribers, variant in variants:
         samples[key(size, subscribers)] = variant.run()
-    return Measured(samples, {'due': due(a)})
+    return Measurement(samples, {'due': due(a)})
 
 
-def cold_and_warm(harness: Harness) -> Measured:
+def cold_and_warm(harness: Harness) -> Measurement:
     """
     Measure what the caches of the CPU make of a small message, with a kernel and without.
 
@@ -129,7 +129,7 @@ def cold_and_warm(harness: Harness) -> Measured:
         samples[SLEEPING].append(_alone(a, True))
         samples[WARM].append(warm.run())
         samples[WAITING].append(_alone(a, False))
-    return Measured({name: np.concatenate(parts) for name, parts in samples.items()})
+    return Measurement({name: np.concatenate(parts) for name, parts in samples.items()})
 
 
 def _alone(a: Mapping[str, int], sleeping: bool) -> Samples:

@@ -26,18 +26,18 @@ from benchmarks.delay.subjects import Receiver
 from benchmarks.delay.subjects import to_the_last
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.subjects.threads import set_priority
 from rt_robot_os.tools.bench.subjects.threads import Threads
 
 
-def delay(harness: Harness) -> Measured:
+def delay(harness: Harness) -> Measurement:
     """Send bytes from a thread to others that wait at a ``queue.SimpleQueue`` each."""
     a = harness.arguments
     harness.prepare()
-    return Measured({key(size, subscribers): _delay(harness, size, subscribers)
-                     for size, subscribers in a['variants']}, {'due': due(a)})
+    return Measurement({key(size, subscribers): _delay(harness, size, subscribers)
+                        for size, subscribers in a['variants']}, {'due': due(a)})
 
 
 def _delay(harness: Harness, size: int, subscribers: int) -> Samples:

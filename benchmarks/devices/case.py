@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.case import UNPINNED
@@ -43,7 +43,7 @@ _SENTENCES = ('sentences', 'marks', 'wrong', 'wrong in noise')
 _TRANSCRIPT = ('orders', 'answers', 'unread', 'unlike', 'counts', 'counts off', 'voltage off')
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     runs = [Run(_STEPS, 'steps', f'{_SUBJECTS}:steps', {'measure_ns': options.measure_ns},
                 _START_S + options.seconds, once=options.quick)]
     if options.data:
@@ -96,7 +96,7 @@ def _targets(outcomes: Outcomes) -> Sequence[Target]:
                why=common.disturbances(outcomes, _STEPS)) for name, label in _FRAMES]
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     tables = [_steps(outcomes)]
     if _RECORDED in outcomes.runs:
         tables.insert(0, _recorded(outcomes))

@@ -27,7 +27,7 @@ from benchmarks.devices.files import text_of
 from rt_robot_os.devices.arduino_bridge.wire import ReplyDecoder
 from rt_robot_os.devices.stargazer import wire as stargazer
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.operation_cost import block_means_ps
 
 _MARKS = (stargazer.CeilingMark(24706, -96.28, -48.9, -21.13, 220.5),
@@ -46,22 +46,22 @@ def frames() -> Mapping[str, Callable[[], object]]:
         'arduino_bridge': feed(ReplyDecoder(), b'12345 -67890\r\n')}
 
 
-def steps(harness: Harness) -> Measured:
+def steps(harness: Harness) -> Measurement:
     """Measure what a frame costs to decode, in picoseconds."""
     tested = frames()
     harness.prepare(freeze=True)
     share_ns = harness.arguments['measure_ns'] // len(tested)
-    return Measured({name: block_means_ps(operation, share_ns)
-                     for name, operation in tested.items()})
+    return Measurement({name: block_means_ps(operation, share_ns)
+                        for name, operation in tested.items()})
 
 
-def recorded(harness: Harness) -> Measured:
+def recorded(harness: Harness) -> Measurement:
     """Compare with a file: sentences as JSON, or the transcript of a board."""
     path = Path(harness.arguments['data'])
     text = text_of(path)
     if text.lstrip()[:1] in ('[', '{'):
         found = sentences.compare(text, str(path))
-        return Measured({}, {
+        return Measurement({}, {
             'sentences': found.count, 'marks': found.marks, 'wrong': len(found.wrong),
             'wrong in noise': len(found.wrong_in_noise)})
     board = transcript.compare(transcript.read(text, str(path)))
@@ -71,4 +71,4 @@ def recorded(harness: Harness) -> Measured:
         'unlike': board.unlike, 'counts': board.counts, 'counts off': board.counts_off}
     if off:
         figures['voltage off'] = 100 * off[len(off) // 2]
-    return Measured({}, figures)
+    return Measurement({}, figures)

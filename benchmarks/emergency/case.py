@@ -22,9 +22,9 @@ from dataclasses import replace
 import numpy as np
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
@@ -34,7 +34,7 @@ from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.result import Target
 
@@ -73,7 +73,7 @@ _RT = ('rt', 'rt_robot_os', 'realtime', FIFO_PRIORITY)
 _PLAIN = ('plain', 'threads', 'plain', 0)
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     seconds = options.seconds if options.quick else max(_SHORTEST_S, options.seconds)
 
     def run(path: tuple[str, str, str, int], busy: int, alone: bool) -> Run:
@@ -92,7 +92,7 @@ def _plan(options: Options) -> Sequence[Run]:
             *(run(_PLAIN, busy, True) for busy in (0, _MOST))]
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     tails = common.tails_of(_SAMPLE)
     p99 = tails['p99']
     rows: list[Row] = [outcomes.row(key, {
@@ -127,7 +127,7 @@ def _none(key: str) -> str:
 
 def _with_ratio(row: Row, outcomes: Outcomes, p99: common.Of) -> Row:
     """Add how much longer it takes than with nothing computing, round by round."""
-    if row.status is not Status.OK or row.run == _none(row.run):
+    if row.status is not RunStatus.OK or row.run == _none(row.run):
         return row
     ratio = outcomes.ratio(row.run, _none(row.run), p99)
     return replace(row, metrics={**row.metrics, 'ratio': ratio})

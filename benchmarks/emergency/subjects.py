@@ -61,7 +61,7 @@ from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.modules import Module
 from rt_robot_os.settings import load
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.compute import compute
 from rt_robot_os.topics.ports import Input
 from rt_robot_os.topics.ports import Output
@@ -86,7 +86,7 @@ _END_HZ: Final = 10.0
 # So long the operator looks on before the emergency is resolved.
 _RESOLVE_NS: Final = 30 * NS_PER_MS
 _STILL: Final = (0, 0)
-Worker = Callable[[Harness], Measured]
+Worker = Callable[[Harness], Measurement]
 
 
 # --- the world: a sink, and a board -----------------------------------------------------------
@@ -295,7 +295,7 @@ class _Trial:
         """Return whether every alarm has moved the robot; safe in the real-time loop."""
         return bool(self.moved.times[-1])
 
-    def measured(self) -> Measured:
+    def measured(self) -> Measurement:
         """
         Compare the notes.
 
@@ -307,12 +307,12 @@ class _Trial:
             raise RuntimeError('no alarm moved the robot')
         # The last one may have been on its way at the end.
         due = max(1, int((sent > 0).sum()) - 1)
-        return Measured({'delay_ns': (moved - sent)[known]}, {
+        return Measurement({'delay_ns': (moved - sent)[known]}, {
             'answered_percent': 100.0 * min(1.0, float(known.sum()) / due),
             'workers_here': float(self._here)})
 
 
-def realtime(harness: Harness) -> Measured:
+def realtime(harness: Harness) -> Measurement:
     """Measure a robot of the core; ``busy`` tasks of the lowest priority compute beside it."""
     trial = _Trial(harness)
     with trial.running():
@@ -330,7 +330,7 @@ def realtime(harness: Harness) -> Measured:
 # --- the same without all that ----------------------------------------------------------------
 
 
-def plain(harness: Harness) -> Measured:
+def plain(harness: Harness) -> Measurement:
     """
     Measure a thread of an ordinary process that turns the wheels itself; ``busy`` others compute.
 

@@ -25,13 +25,13 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
@@ -93,7 +93,7 @@ _LATE_NOTES = (
     'each time.')
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     # Room for a whole window of 3 s in all but the quickest look.
     seconds = options.seconds if options.quick else max(options.seconds, 3.5)
 
@@ -134,12 +134,12 @@ def _late(run: Run) -> Run:
         seconds=common.START_PEER_S + _LATE_S)
 
 
-def by_module(outcome: Outcome) -> Sequence[Samples]:
+def by_module(outcome: RunOutcome) -> Sequence[Samples]:
     """Split the stamps of a run by module."""
     return np.split(outcome.samples['starts'], np.cumsum(outcome.samples['counts'])[:-1])
 
 
-def _actual(outcome: Outcome) -> Sequence[tuple[int, np.ndarray]]:
+def _actual(outcome: RunOutcome) -> Sequence[tuple[int, np.ndarray]]:
     begin_ns = int(outcome.figures['begin_ns'])
     end_ns = begin_ns + int(outcome.figures['measure_ns'])
     return [(rate, frequencies(starts, 1, begin_ns, end_ns, _WINDOW_NS))
@@ -150,17 +150,17 @@ def _worst_hz(index: int) -> common.Of:
     return lambda outcome: float(_actual(outcome)[index][1].min())
 
 
-def _error(outcome: Outcome) -> float:
+def _error(outcome: RunOutcome) -> float:
     return max(float(np.max(np.abs(found - rate))) * 100 / rate
                for rate, found in _actual(outcome))
 
 
-def _lowest(outcome: Outcome) -> float:
+def _lowest(outcome: RunOutcome) -> float:
     """Return the lowest frequency as a part of what was asked for."""
     return min(float(found.min()) / rate for rate, found in _actual(outcome))
 
 
-def _after(outcome: Outcome, call: int) -> tuple[Samples, Samples] | None:
+def _after(outcome: RunOutcome, call: int) -> tuple[Samples, Samples] | None:
     """
     Return the calls up to the one that was late, and those after it.
 
@@ -174,7 +174,7 @@ def _after(outcome: Outcome, call: int) -> tuple[Samples, Samples] | None:
 
 
 def _at_once(call: int) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         found = _after(outcome, call)
         return None if found is None else float(np.count_nonzero(
             (found[1] >= _STALL_NS - _EARLY_NS) & (found[1] < _STALL_NS + _AT_ONCE_NS)))
@@ -183,7 +183,7 @@ def _at_once(call: int) -> common.Of:
 
 
 def _left_out(call: int) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         found = _after(outcome, call)
         # Half a period more: a call that is a little late is not left out.
         end_ns = (2 * _LATE_SEEN + 1) * _LATE_PERIOD_NS // 2
@@ -194,7 +194,7 @@ def _left_out(call: int) -> common.Of:
 
 
 def _shift_ms(call: int) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         found = _after(outcome, call)
         if found is None:
             return None
@@ -210,7 +210,7 @@ _LATE_METRICS: dict[str, common.Of] = {
     for what, make in (('at_once', _at_once), ('left_out', _left_out), ('shift', _shift_ms))}
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     columns: dict[str, common.Of] = {
         **{f'hz{rate}': _worst_hz(i) for i, rate in enumerate(RATES_HZ)},
         'error': _error, 'cpu': common.figure('cpu_percent')}

@@ -26,21 +26,21 @@ from benchmarks.frequency.subjects import TOPIC_BYTES
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
-from rt_robot_os.tools.bench.subjects.plain_loop import Group
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.plain_loop import Job
+from rt_robot_os.tools.bench.subjects.plain_loop import LoopGroup
 from rt_robot_os.tools.bench.subjects.plain_loop import plain_loop
 from rt_robot_os.topics import Bus
 
 
-def modules(harness: Harness) -> Measured:
+def modules(harness: Harness) -> Measurement:
     """Run periodic modules, see :func:`benchmarks.frequency.subjects.kernel`."""
     a = harness.arguments
     made = make_modules(a)
     jobs: dict[int, list[Job]] = {}
     for (rate, _), module in zip(a['modules'], made):
         jobs.setdefault(round(NS_PER_S / rate), []).append(module.work)
-    groups = [Group(period_ns, _receiving(some) if a['receive'] else some)
+    groups = [LoopGroup(period_ns, _receiving(some) if a['receive'] else some)
               for period_ns, some in sorted(jobs.items())]
     total_ns = a['warmup_ns'] + a['measure_ns']
     harness.prepare(freeze=True)

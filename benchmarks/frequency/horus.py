@@ -25,13 +25,13 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.cases.preemption.horus import node
 from rt_robot_os.tools.bench.cases.preemption.horus import PRIORITY
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 
 # Of its scheduler: the fastest node sets it, and no faster tick than it says it can do.
 _TICK_MAXIMUM_HZ = 2000.0
 
 
-def modules(harness: Harness) -> Measured:
+def modules(harness: Harness) -> Measurement:
     """
     Run periodic modules, see :func:`benchmarks.frequency.subjects.kernel`.
 

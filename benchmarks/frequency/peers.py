@@ -29,15 +29,15 @@ from benchmarks.frequency.subjects import make_modules
 from benchmarks.frequency.subjects import TOPIC_BYTES
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
-from rt_robot_os.tools.bench.subjects.rclpy_graph import Graph
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.rclpy_graph import graph
+from rt_robot_os.tools.bench.subjects.rclpy_graph import RclpyGraph
 from rt_robot_os.topics.resolve import message_class
 
 _DEPTH = 10
 
 
-def executor(harness: Harness) -> Measured:
+def executor(harness: Harness) -> Measurement:
     """
     Run the modules, see :func:`benchmarks.frequency.subjects.kernel`.
 
@@ -59,7 +59,7 @@ def executor(harness: Harness) -> Measured:
     return collect(modules, begin_ns, a, used_ns, duration_ns)
 
 
-def _receiving(tested: Graph, jobs: list[Callable[[], None]], a: Any
+def _receiving(tested: RclpyGraph, jobs: list[Callable[[], None]], a: Any
                ) -> list[Callable[[], None]]:
     kind = message_class(MESSAGE)
     message = kind(data=array('B', bytes(TOPIC_BYTES)))

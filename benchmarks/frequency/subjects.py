@@ -32,7 +32,7 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import OverrunPolicy
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.helper import Helper
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.subjects.compute import compute
@@ -130,7 +130,7 @@ def make_modules(a: Mapping[str, Any]) -> Sequence[Module]:
 
 
 def collect(modules: Sequence[Module], begin_ns: int, a: Mapping[str, Any], cpu_ns: int,
-            duration_ns: int) -> Measured:
+            duration_ns: int) -> Measurement:
     """
     Put the notes of all modules together.
 
@@ -138,14 +138,14 @@ def collect(modules: Sequence[Module], begin_ns: int, a: Mapping[str, Any], cpu_
     :param cpu_ns: that the process used in ``duration_ns``.
     """
     taken = [module.stamps.taken() for module in modules]
-    return Measured(
+    return Measurement(
         {'starts': np.concatenate(taken) if taken else np.zeros(0, np.int64),
          'counts': np.array([len(one) for one in taken], np.int64)},
         {'begin_ns': begin_ns + a['warmup_ns'], 'measure_ns': a['measure_ns'],
          'cpu_percent': 100.0 * cpu_ns / max(1, duration_ns)})
 
 
-def kernel(harness: Harness) -> Measured:
+def kernel(harness: Harness) -> Measurement:
     """
     Run the modules as tasks; with ``receive`` each takes the messages of a topic.
 

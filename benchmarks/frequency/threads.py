@@ -22,11 +22,11 @@ from benchmarks.frequency.subjects import collect
 from benchmarks.frequency.subjects import make_modules
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.threads import Threads
 
 
-def modules(harness: Harness) -> Measured:
+def modules(harness: Harness) -> Measurement:
     """Run periodic modules, see :func:`benchmarks.frequency.subjects.kernel`."""
     a = harness.arguments
     made = make_modules(a)

@@ -22,8 +22,8 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
@@ -47,7 +47,7 @@ _NOTES = (
     'messages are on the other CPUs. Nobody looks: the gateway asks for the newest once a second.')
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     seconds = common.START_S + _WARMUP_NS / NS_PER_S + options.seconds
 
     def run(key: str, label: str, gateway: int, viewers: int = 0) -> Run:
@@ -67,7 +67,7 @@ _METRICS: dict[str, common.Of] = {
         outcome.figures['measure_ns'] / NS_PER_S)}
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     targets = [Target(f'p99 with {text} / none', _LIMIT,
                       outcomes.ratio(key, 'none', punctual.latency(0.99)),
                       why='the core sends the samples, and all share the caches and the host; '

@@ -31,7 +31,7 @@ from rt_robot_os.messages.uplink.messages import decode
 from rt_robot_os.messages.uplink.messages import encode
 from rt_robot_os.tools.bench.cases.mirror.subjects import settings
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.stamps import Stamps
 
 _CARRIER = f'{__name__}:carrier'
@@ -43,7 +43,7 @@ _SIGNALS_HZ = 20.0
 _SCAN_HZ = 10.0
 
 
-def core(harness: Harness) -> Measured:
+def core(harness: Harness) -> Measurement:
     """Run a 1 kHz task beside tasks that publish what a gateway reads, if there is one."""
     a = harness.arguments
     path = socket_path('bench')
@@ -76,7 +76,7 @@ def core(harness: Harness) -> Measured:
             return _run(harness, tested, stamps)
 
 
-def _run(harness: Harness, tested: Core, stamps: Stamps) -> Measured:
+def _run(harness: Harness, tested: Core, stamps: Stamps) -> Measurement:
     a = harness.arguments
     sent = [0]
 
@@ -99,7 +99,7 @@ def _run(harness: Harness, tested: Core, stamps: Stamps) -> Measured:
     if a['gateway'] and not carried:
         raise RuntimeError('nothing was carried')
     start_ns = tested.kernel.start_ns
-    return Measured({'starts': stamps.taken()}, {
+    return Measurement({'starts': stamps.taken()}, {
         'phase_ns': start_ns, 'begin_ns': start_ns + a['warmup_ns'],
         'measure_ns': a['measure_ns'], 'cpu_percent': 100.0 * cpu_ns / wall_ns,
         'sent': carried})

@@ -23,13 +23,13 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
@@ -76,15 +76,15 @@ _COST_NOTES = ('CPU time of the whole process divided by the jobs, in stretches 
                'of 200 Hz that do nothing, released together.')
 
 
-def _counts(options: Options) -> Sequence[int]:
+def _counts(options: BenchOptions) -> Sequence[int]:
     return (100, 1000) if options.quick else (20, 50, 80, 100, 200, 500, 1000)
 
 
-def _peer_counts(options: Options) -> Sequence[int]:
+def _peer_counts(options: BenchOptions) -> Sequence[int]:
     return (100,) if options.quick else (20, 100)
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     measure_ns = options.measure_ns
 
     def run(system: str, count: int, label: str, subject: str, start_s: float = common.START_S,
@@ -115,7 +115,7 @@ def _every(count: int) -> int:
     return _EVERY if count <= _MANY else _EVERY_OF_MANY
 
 
-def _actual(outcome: Outcome) -> np.ndarray:
+def _actual(outcome: RunOutcome) -> np.ndarray:
     """Return a row for each module and a column for each window."""
     begin_ns = int(outcome.figures['begin_ns'])
     end_ns = begin_ns + int(outcome.figures['measure_ns'])
@@ -124,11 +124,11 @@ def _actual(outcome: Outcome) -> np.ndarray:
                      for starts in modules])
 
 
-def _mean(outcome: Outcome) -> float:
+def _mean(outcome: RunOutcome) -> float:
     return float(_actual(outcome).mean())
 
 
-def _error(outcome: Outcome) -> float:
+def _error(outcome: RunOutcome) -> float:
     return float(np.abs(_actual(outcome) - RATE_HZ).max()) * 100 / RATE_HZ
 
 
@@ -138,7 +138,7 @@ _METRICS: dict[str, common.Of] = {
     'error': _error, 'cpu': common.figure('cpu_percent')}
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     rows: list[Row] = []
     for count in _counts(options):
         if count in _PAPER:
@@ -182,7 +182,7 @@ def _metric(outcomes: Outcomes, key: str) -> Metric | None:
     return outcomes.metric(key, _error) if key in outcomes.runs else None
 
 
-def _plot(options: Options, outcomes: Outcomes) -> Plot:
+def _plot(options: BenchOptions, outcomes: Outcomes) -> Plot:
     series = [Series('paper', list(_PAPER), [_lacking(mean) for mean, _ in _PAPER.values()],
                      'marks')]
     for system in ('kernel', 'floor', *common.RCLPY, 'threads', 'horus'):

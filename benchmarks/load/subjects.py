@@ -17,12 +17,12 @@
 from __future__ import annotations
 
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.operation_cost import job_costs_ns
 
 
-def dispatch_curve(harness: Harness) -> Measured:
+def dispatch_curve(harness: Harness) -> Measurement:
     """Measure the CPU time of a job for several numbers of ``tasks`` released together."""
     a = harness.arguments
     harness.prepare(freeze=True)
-    return Measured({str(tasks): job_costs_ns(a, tasks) for tasks in a['tasks']})
+    return Measurement({str(tasks): job_costs_ns(a, tasks) for tasks in a['tasks']})

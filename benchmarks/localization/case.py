@@ -24,11 +24,11 @@ from typing import Any
 
 import numpy as np
 
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
@@ -37,7 +37,7 @@ from rt_robot_os.tools.bench.plot import Series
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Row
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.result import Target
 
@@ -84,7 +84,7 @@ def _seconds_for(data: str) -> float:
     return _START_S + (path.stat().st_size / _BYTES_A_SECOND if path.is_file() else 0.0)
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     seeds = _SEEDS['quick' if options.quick else 'full' if options.full else 'usual']
     scenarios = {key: dict(scenario) for key, _, scenario in _SCENARIOS}
     runs = [Run(_SIMULATED, 'simulation', f'{_SUBJECTS}:simulated', {
@@ -100,7 +100,7 @@ def _plan(options: Options) -> Sequence[Run]:
 
 
 def _worst(name: str, scale: float) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         values = outcome.samples.get(name)
         return None if values is None or not len(values) else float(values.max()) / scale
 
@@ -129,7 +129,7 @@ def _chance(key: str) -> common.Of:
 
 def _inside(key: str) -> common.Of:
     """Return of how many drives, in per cent, the mean is within that."""
-    def of(outcome: Outcome) -> float:
+    def of(outcome: RunOutcome) -> float:
         off = abs(outcome.samples[f'{key} nis_milli'] / 1000 - 3)
         band = 1.96 * (6 / outcome.samples[f'{key} innovations']) ** 0.5
         return 100 * float((off <= band).mean())
@@ -139,7 +139,7 @@ def _inside(key: str) -> common.Of:
 
 def _off(key: str) -> common.Of:
     """Return how far the mean of all drives is from 3, as a part of the band of one."""
-    def of(outcome: Outcome) -> float:
+    def of(outcome: RunOutcome) -> float:
         return abs((_nis(key)(outcome) or 0.0) - 3) / (_chance(key)(outcome) or 1.0)
 
     return of
@@ -170,7 +170,7 @@ def _figure(name: str) -> common.Of:
 
 def _distance(name: str) -> common.Of:
     """Return how far our end is from that of another filter, in m."""
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         figures = outcome.figures
         x, y = figures.get(f'expected {name} x_m'), figures.get(f'expected {name} y_m')
         if x is None or y is None or 'estimate x_m' not in figures:
@@ -198,7 +198,7 @@ def _recorded(outcomes: Outcomes) -> Table:
         'turn': _figure('rms_rad'), 'refused': _figure('headings_refused'),
         'reopened': _figure('headings_reopened'),
         'gravity': _figure('gyro_gravity_off_deg')}, 'rt_robot_os, module localization')]
-    if rows[0].status is Status.OK:
+    if rows[0].status is RunStatus.OK:
         rows.append(outcomes.row(_RECORDED, {
             'x': _figure('odometry x_m'), 'y': _figure('odometry y_m')}, 'wheel odometry alone'))
         rows += [Row(f'expected: {name}', {
@@ -257,7 +257,7 @@ def _series(label: str, samples: Mapping[str, Samples], x: str, y: str, scale_x:
     return Series(label, (samples[x] / scale_x).tolist(), (samples[y] / scale_y).tolist(), style)
 
 
-def _of(key: str, outcome: Outcome) -> dict[str, Samples]:
+def _of(key: str, outcome: RunOutcome) -> dict[str, Samples]:
     """Return the samples of a scenario."""
     return {name.removeprefix(f'{key} '): values for name, values in outcome.samples.items()
             if name.rpartition(' ')[0] == key}
@@ -304,7 +304,7 @@ def _plots(outcomes: Outcomes) -> Sequence[Plot]:
     return plots
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     tables = [_simulated(outcomes), _steps(outcomes)]
     if _RECORDED in outcomes.runs:
         tables.insert(0, _recorded(outcomes))

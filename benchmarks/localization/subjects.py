@@ -44,7 +44,7 @@ from rt_robot_os.motion.pose_history import OdometryStep
 from rt_robot_os.motion.pose_history import PoseFix
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.operation_cost import block_means_ps
 from rt_robot_os.topics import Bus
 
@@ -65,7 +65,7 @@ def thousandths(values: Any) -> Samples:
     return np.rint(np.asarray(values, np.float64) * 1000).astype(np.int64)
 
 
-def simulated(harness: Harness) -> Measured:
+def simulated(harness: Harness) -> Measurement:
     """
     Drive each seed of each scenario.
 
@@ -78,7 +78,7 @@ def simulated(harness: Harness) -> Measured:
         traces = [simulate(Scenario(seed, **scenario)) for seed in range(1, seeds + 1)]
         for sample, values in {**_figures(traces, scenario), **_way(traces[0])}.items():
             samples[f'{name} {sample}'] = values
-    return Measured(samples)
+    return Measurement(samples)
 
 
 def _figures(traces: Sequence[Trace], scenario: Mapping[str, Any]) -> dict[str, Samples]:
@@ -115,7 +115,7 @@ def _way(trace: Trace) -> dict[str, Samples]:
     return found
 
 
-def recorded(harness: Harness) -> Measured:
+def recorded(harness: Harness) -> Measurement:
     """Run the module on a recording; its way in mm, its end, and where others end."""
     path = Path(harness.arguments['data'])
     given = harness.arguments['expected']
@@ -144,18 +144,18 @@ def recorded(harness: Harness) -> Measured:
     figures.update({name: float(drive.statistics[name]) for name in (
         'headings', 'headings_refused', 'headings_reopened', 'gyro_gravity_off_deg')
         if name in drive.statistics})
-    return Measured(samples, figures)
+    return Measurement(samples, figures)
 
 
-def steps(harness: Harness) -> Measured:
+def steps(harness: Harness) -> Measurement:
     """Measure what a step costs, in picoseconds."""
     tested: dict[str, Callable[[], object]] = {
         'predict': _predict(), 'correct': _correct(), 'step': _step(0), 'late': _step(25),
         'odometry': _odometry(), 'localization': _localization()}
     harness.prepare(freeze=True)
     share_ns = harness.arguments['measure_ns'] // len(tested)
-    return Measured({name: block_means_ps(operation, share_ns)
-                     for name, operation in tested.items()})
+    return Measurement({name: block_means_ps(operation, share_ns)
+                        for name, operation in tested.items()})
 
 
 def _filter() -> Ekf:

@@ -22,10 +22,10 @@ from collections.abc import Sequence
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench import facts
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import BUILDS
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import COMPILED
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
@@ -82,11 +82,11 @@ _NOTES = (
     'ratios to these floors.')
 
 
-def _jobs(options: Options) -> Sequence[tuple[str, str, int, int]]:
+def _jobs(options: BenchOptions) -> Sequence[tuple[str, str, int, int]]:
     return _JOBS[:2] if options.quick else _JOBS
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     measure_ns = options.measure_ns
     seconds = _START_S + options.seconds
     operations = Run('operations', 'operations', f'{_SUBJECTS}:operations',
@@ -117,7 +117,7 @@ def _cold(outcomes: Outcomes) -> str:
         'what the CPU knew of 100 tasks has to come from memory again; ')
 
 
-def _rows(options: Options, outcomes: Outcomes) -> list[Row]:
+def _rows(options: BenchOptions, outcomes: Outcomes) -> list[Row]:
     rows: list[Row] = []
     for name, label in _OPERATIONS:
         rows += common.build_rows(outcomes, 'operations', label, _metrics(name, _PS_PER_US))
@@ -176,7 +176,7 @@ def _facts(outcomes: Outcomes) -> Mapping[str, Metric | None]:
     return found
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     table = Table('', _COLUMNS, _rows(options, outcomes), _NOTES)
     return CaseResult(CASE.name, CASE.title, (table,), _targets(outcomes), facts=_facts(outcomes))
 

@@ -28,7 +28,7 @@ from rt_robot_os.base.reports import Reports
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.operation_cost import block_means_ps
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU_SHAPE
@@ -37,7 +37,7 @@ from rt_robot_os.topics import Bus
 from rt_robot_os.topics import Layout
 
 
-def operations(harness: Harness) -> Measured:
+def operations(harness: Harness) -> Measurement:
     """Measure each operation for a part of the time, in turns."""
     tested = {**_topic_operations(64), **_topic_operations(2048), **_layout_operations(),
               **_log_operations()}
@@ -49,7 +49,7 @@ def operations(harness: Harness) -> Measured:
         for name, operation in tested.items():
             means[name].append(block_means_ps(operation, share_ns))
         means.setdefault('publish to task 64', []).append(_to_a_task_ps(share_ns))
-    return Measured({name: np.concatenate(parts) for name, parts in means.items()})
+    return Measurement({name: np.concatenate(parts) for name, parts in means.items()})
 
 
 def _topic_operations(size: int) -> dict[str, Callable[[], object]]:
@@ -108,7 +108,7 @@ def _log_operations() -> dict[str, Callable[[], object]]:
             'log off': lambda: log.debug('%d', 1)}
 
 
-def floors(harness: Harness) -> Measured:
+def floors(harness: Harness) -> Measurement:
     """Measure the least that Python and Linux take for anything, in turns."""
     tested: dict[str, Callable[[], object]] = {'call': _nothing, 'system call': os.getppid}
     harness.prepare(freeze=True)
@@ -118,7 +118,7 @@ def floors(harness: Harness) -> Measured:
     for _ in range(turns):
         for name, operation in tested.items():
             means[name].append(block_means_ps(operation, share_ns))
-    return Measured({name: np.concatenate(parts) for name, parts in means.items()})
+    return Measurement({name: np.concatenate(parts) for name, parts in means.items()})
 
 
 def _nothing() -> None:

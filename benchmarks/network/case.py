@@ -19,11 +19,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import log
 
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
@@ -47,7 +47,7 @@ def _key(size: int, period_s: float = _PERIOD_S) -> str:
     return f'{size} every {period_s:.0f} s'
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     sizes = _QUICK_SIZES if options.quick else _SIZES
     loads = [(size, _PERIOD_S) for size in sizes]
     if _LARGE in sizes:
@@ -67,7 +67,7 @@ def _plan(options: Options) -> Sequence[Run]:
 
 
 def _figure(name: str) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         return outcome.figures.get(name)
 
     return of
@@ -101,7 +101,7 @@ def _growth(outcomes: Outcomes) -> common.Of:
     """Return how the cost of an event grew, over how log n did."""
     small = outcomes.metric(_key(_SMALL), _figure('event_us'))
 
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         if small is None or 'event_us' not in outcome.figures:
             return None
         return outcome.figures['event_us'] / small.median / (log(_LARGE) / log(_SMALL))
@@ -109,7 +109,7 @@ def _growth(outcomes: Outcomes) -> common.Of:
     return of
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     times = _figure('times_real_time')
     targets = [Target(f'{_SMALL} nodes, times real time', _SMALL_TIMES,
                       outcomes.metric(_key(_SMALL), times), at_most=False)]

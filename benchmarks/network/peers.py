@@ -23,10 +23,10 @@ from typing import Any
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 
 
-def simpy_queue(harness: Harness) -> Measured:
+def simpy_queue(harness: Harness) -> Measurement:
     """Run processes that wait again and again, which is how simpy is used."""
     import simpy
 
@@ -49,4 +49,4 @@ def simpy_queue(harness: Harness) -> Measured:
     while process_time_ns() - begun_ns < harness.arguments['measure_ns']:
         environment.run(until=environment.now + step_ns)
     spent_ns = process_time_ns() - begun_ns
-    return Measured({}, {'event_us': spent_ns / 1000 / (count - events)})
+    return Measurement({}, {'event_us': spent_ns / 1000 / (count - events)})

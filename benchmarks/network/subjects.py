@@ -31,7 +31,7 @@ from rt_robot_os.features.wsn.simulator.mote import Traffic
 from rt_robot_os.features.wsn.simulator.network import Network
 from rt_robot_os.features.wsn.simulator.path_loss_medium import PathLossMedium
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 
 _SPACING_M = 35.0
 _NODES_PER_SINK = 1000
@@ -66,7 +66,7 @@ def grid(nodes: int, period_ns: int) -> Network:
     return network
 
 
-def simulate(harness: Harness) -> Measured:
+def simulate(harness: Harness) -> Measurement:
     """Run a network, first until it has its tree."""
     nodes = harness.arguments['nodes']
     begun_ns = process_time_ns()
@@ -81,7 +81,7 @@ def simulate(harness: Harness) -> Measured:
         network.run_until(queue.now_ns + _STEP_NS)
     spent_ns = process_time_ns() - begun_ns
     events = queue.executed - events
-    return Measured({}, {
+    return Measurement({}, {
         'times_real_time': (queue.now_ns - simulated_ns) / spent_ns,
         'event_us': spent_ns / 1000 / max(1, events),
         'decided_us': spent_ns / 1000 / max(1, sum(outcomes) - decided),
@@ -90,7 +90,7 @@ def simulate(harness: Harness) -> Measured:
                             for mote in network.motes.values()) / nodes})
 
 
-def own_queue(harness: Harness) -> Measured:
+def own_queue(harness: Harness) -> Measurement:
     """Plan events again and again."""
     queue, random = EventQueue(), Random(1).random
 
@@ -116,4 +116,4 @@ def own_queue(harness: Harness) -> Measured:
     while process_time_ns() - begun_ns < harness.arguments['measure_ns']:
         queue.run_until(queue.now_ns + step_ns)
     spent_ns = process_time_ns() - begun_ns
-    return Measured({}, {'event_us': spent_ns / 1000 / (queue.executed - events)})
+    return Measurement({}, {'event_us': spent_ns / 1000 / (queue.executed - events)})

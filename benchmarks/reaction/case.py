@@ -21,9 +21,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
@@ -60,7 +60,7 @@ _LOADS = (('idle', 'nothing computes', 0, False), ('busy', 'computing', 1, False
           ('alone', 'computing, queues elsewhere', 1, True))
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     seconds = options.seconds if options.quick else max(_SHORTEST_S, options.seconds)
     return [Run(f'{key} {load}', f'{label}, {what}',
                 f'{__package__}.subjects:{subject}',
@@ -70,7 +70,7 @@ def _plan(options: Options) -> Sequence[Run]:
             for key, label, subject, priority in _PATHS]
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     tails = common.tails_of(_SAMPLE)
     rows: list[Row] = [outcomes.row(key, {
         'p50': tails['p50'], 'p99': tails['p99'], 'maximum': tails['maximum'],

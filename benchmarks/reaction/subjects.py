@@ -61,7 +61,7 @@ from rt_robot_os.modules import Module
 from rt_robot_os.motion.differential import wheel_speeds
 from rt_robot_os.motion.mounting import Mounting
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.compute import compute
 from rt_robot_os.topics import Bus
 from rt_robot_os.topics.ports import Input
@@ -80,7 +80,7 @@ _CHUNK: Final = 4096
 _PATIENCE_S: Final = 2.0
 # The board answers nothing, and is not opened again for that.
 _NEVER_NS: Final = 3600 * NS_PER_S
-Worker = Callable[[Harness], Measured]
+Worker = Callable[[Harness], Measurement]
 _WORLD: Final = f'{__name__}:world'
 
 
@@ -174,7 +174,7 @@ class _Trial:
             assert helper is not None
             yield
 
-    def measured(self) -> Measured:
+    def measured(self) -> Measurement:
         """
         Compare the notes.
 
@@ -186,9 +186,9 @@ class _Trial:
             raise RuntimeError('no obstacle stopped the motors')
         # The last one may have been on its way at the end.
         due = max(1, int((sent > 0).sum()) - 1)
-        return Measured({'reaction_ns': (stopped - sent)[known]},
-                        {'answered_percent': 100.0 * min(1.0, float(known.sum()) / due),
-                         'workers_here': float(self._here)})
+        return Measurement({'reaction_ns': (stopped - sent)[known]},
+                           {'answered_percent': 100.0 * min(1.0, float(known.sum()) / due),
+                            'workers_here': float(self._here)})
 
 
 # --- the robot -------------------------------------------------------------------------------
@@ -282,7 +282,7 @@ def robot(trial: _Trial) -> tuple[Kernel, SensorManager]:
     return kernel, sensors
 
 
-def realtime(harness: Harness) -> Measured:
+def realtime(harness: Harness) -> Measurement:
     """Measure a robot of the core; ``busy`` computations of 20 ms run at the lowest priority."""
     trial = _Trial(harness)
     with trial.running():
@@ -301,7 +301,7 @@ def realtime(harness: Harness) -> Measured:
 # --- the same with threads -------------------------------------------------------------------
 
 
-def plain(harness: Harness) -> Measured:
+def plain(harness: Harness) -> Measurement:
     """
     Measure the same of three threads of an ordinary process: sensor, steering, computation.
 

@@ -22,11 +22,11 @@ import math
 
 import numpy as np
 
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
@@ -60,7 +60,7 @@ _MANY = 200
 _BINARY_S = 1024
 
 
-def _length(options: Options) -> dict[str, int]:
+def _length(options: BenchOptions) -> dict[str, int]:
     if options.quick:
         return {'home': 300, 'home_seeds': 1, 'load': 60, 'load_seeds': 1, 'relays': 300,
                 'relay_seeds': 2}
@@ -68,15 +68,15 @@ def _length(options: Options) -> dict[str, int]:
             'relays': 600, 'relay_seeds': 10 if options.full else 3}
 
 
-def _sizes(options: Options) -> Sequence[int]:
+def _sizes(options: BenchOptions) -> Sequence[int]:
     return _SIZES[:1] if options.quick else _SIZES
 
 
-def _periods(options: Options) -> Sequence[int]:
+def _periods(options: BenchOptions) -> Sequence[int]:
     return _PERIODS[::2] if options.quick else _PERIODS
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     length = _length(options)
     # A second of a network of 12 takes some 4 ms, of 25 in collapse 30 ms, of 200 30 ms; two
     # processors share them.
@@ -100,7 +100,7 @@ def _plan(options: Options) -> Sequence[Run]:
 
 
 def _mean(name: str, scale: float) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         values = outcome.samples.get(name)
         return None if values is None or not len(values) else float(values.mean()) / scale
 
@@ -108,7 +108,7 @@ def _mean(name: str, scale: float) -> common.Of:
 
 
 def _spread(name: str, scale: float) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         values = outcome.samples.get(name)
         if values is None or len(values) < 2:
             return None
@@ -118,7 +118,7 @@ def _spread(name: str, scale: float) -> common.Of:
 
 
 def _extreme(name: str, scale: float, least: bool = False) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         values = outcome.samples.get(name)
         if values is None or not len(values):
             return None
@@ -151,7 +151,7 @@ def _home(outcomes: Outcomes) -> Table:
          'and in truth.'))
 
 
-def _load(options: Options, outcomes: Outcomes) -> Table:
+def _load(options: BenchOptions, outcomes: Outcomes) -> Table:
     columns = [Column(f'{protocol} {key}', title, unit, group)
                for key, group, unit in (('delivery', 'delivered', '%'),
                                         ('frames', 'frames a packet', ''),
@@ -173,7 +173,7 @@ def _load(options: Options, outcomes: Outcomes) -> Table:
         'use MultiHopLQI, which gives up after 6, and loses some at any load.'))
 
 
-def _relays(options: Options, outcomes: Outcomes) -> Table:
+def _relays(options: BenchOptions, outcomes: Outcomes) -> Table:
     columns = (
         Column('load', 'mean', '', 'relay load, largest over mean'),
         Column('load spread', '+-', '', 'relay load, largest over mean'),
@@ -226,7 +226,7 @@ def _targets(outcomes: Outcomes) -> Sequence[Target]:
 
 
 def _gain(outcomes: Outcomes, size: int) -> Metric | None:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         moving = _mean(f'{size} moving load_milli', 1)(outcome)
         fixed = _mean(f'{size} fixed load_milli', 1)(outcome)
         return moving / fixed if moving is not None and fixed else None
@@ -234,7 +234,7 @@ def _gain(outcomes: Outcomes, size: int) -> Metric | None:
     return outcomes.metric(_RELAYS, of)
 
 
-def _plots(options: Options, outcomes: Outcomes) -> Sequence[Plot]:
+def _plots(options: BenchOptions, outcomes: Outcomes) -> Sequence[Plot]:
     plots: list[Plot] = []
     for outcome in outcomes.measured(_LOAD)[:1]:
         periods = _periods(options)
@@ -257,7 +257,7 @@ def _plots(options: Options, outcomes: Outcomes) -> Sequence[Plot]:
     return plots
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     return CaseResult(CASE.name, CASE.title, [
         _home(outcomes), _load(options, outcomes), _relays(options, outcomes)],
         _targets(outcomes), _plots(options, outcomes))

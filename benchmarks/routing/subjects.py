@@ -34,7 +34,7 @@ from rt_robot_os.features.wsn.cli.scenario_file import load_scenario
 from rt_robot_os.features.wsn.simulator.results import Results
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 
 MILLIONTHS = 1_000_000
 THOUSANDTHS = 1000
@@ -64,7 +64,7 @@ KEPT: Mapping[str, Callable[[Results], float]] = {
 }
 
 
-def _kept(variants: Sequence[Variant], seeds: int, with_host: bool = False) -> Measured:
+def _kept(variants: Sequence[Variant], seeds: int, with_host: bool = False) -> Measurement:
     """Run each variant with its seeds; ``label name`` are the samples, one a seed."""
     tasks = [replace(variant.scenario, seed=seed + 1) for variant in variants
              for seed in range(seeds)]
@@ -77,17 +77,17 @@ def _kept(variants: Sequence[Variant], seeds: int, with_host: bool = False) -> M
             # Where nothing came there is no latency; there is no such number among ours.
             samples[f'{variant.label} {name}'] = np.nan_to_num(values, nan=-1.0).round().astype(
                 np.int64)
-    return Measured(samples)
+    return Measurement(samples)
 
 
-def home(harness: Harness) -> Measured:
+def home(harness: Harness) -> Measurement:
     """Run the networks of home size, with the robot's count beside the truth."""
     seconds, rows = harness.arguments['seconds'], harness.arguments['rows']
     return _kept([Variant(key, _scenario(name, protocol=protocol, seconds=float(seconds)))
                   for key, name, protocol in rows], harness.arguments['seeds'], True)
 
 
-def load(harness: Harness) -> Measured:
+def load(harness: Harness) -> Measurement:
     """Run a noisy grid with a packet more and more rarely, to show where a protocol collapses."""
     variants = []
     for protocol in harness.arguments['protocols']:
@@ -98,7 +98,7 @@ def load(harness: Harness) -> Measured:
     return _kept(variants, harness.arguments['seeds'])
 
 
-def relays(harness: Harness) -> Measured:
+def relays(harness: Harness) -> Measurement:
     """Run networks of several sizes: the sink in the middle, in a corner, and one that drives."""
     scenario = _scenario('relay_load', seconds=float(harness.arguments['seconds']))
     variants = []

@@ -22,9 +22,9 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
@@ -67,11 +67,11 @@ _NOTES = (
     'doctor advises. The paper (Xenomai): 18 s for a cycle at any load, more without real time.')
 
 
-def _loads(options: Options) -> Sequence[int]:
+def _loads(options: BenchOptions) -> Sequence[int]:
     return (0, 10) if options.quick else (0, 2, 5, 7, 10) if options.full else (0, 5, 10)
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     interval_ns = _INTERVAL_FULL_NS if options.full else _INTERVAL_NS
     seconds = _FULL_S if options.full else max(1.4, options.seconds)
 
@@ -91,7 +91,7 @@ def _plan(options: Options) -> Sequence[Run]:
     return runs
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     read, consumed = common.tails_of('decoded_ns'), common.tails_of('consumed_ns')
     rows: list[Row] = [outcomes.row(key, {
         'read50': read['p50'], 'read99': read['p99'], 'readmax': read['maximum'],
@@ -125,7 +125,7 @@ def _why(outcomes: Outcomes, key: str) -> str:
     return common.disturbances(outcomes, key)
 
 
-def _loads_plot(options: Options, outcomes: Outcomes) -> Plot:
+def _loads_plot(options: BenchOptions, outcomes: Outcomes) -> Plot:
     series = []
     for key, label, _, _ in _PATHS:
         for name, what in (('decoded_ns', 'reader'), ('consumed_ns', 'consumer')):

@@ -42,7 +42,7 @@ from rt_robot_os.core.app import Core
 from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.tools.bench.cases.mirror.subjects import settings
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.compute import compute
 from rt_robot_os.tools.bench.subjects.link_client import connect
 from rt_robot_os.tools.bench.subjects.link_client import stay
@@ -83,7 +83,7 @@ class _Setup:
         stack.callback(os.close, self.fd)
         return self.fd
 
-    def measured(self) -> Measured:
+    def measured(self) -> Measurement:
         """
         Compare the notes.
 
@@ -97,10 +97,10 @@ class _Setup:
         first = int(np.argmax(consumed > 0))
         sent, decoded, consumed = sent[first:], decoded[first:], consumed[first:]
         known = (sent > 0) & (consumed > 0) & (decoded > 0)
-        return Measured({'decoded_ns': (decoded - sent)[known],
-                         'consumed_ns': (consumed - sent)[known]},
-                        {'arrived_percent': 100.0 * float(known.mean()),
-                         'workers_here': float(self._workers_here)})
+        return Measurement({'decoded_ns': (decoded - sent)[known],
+                            'consumed_ns': (consumed - sent)[known]},
+                           {'arrived_percent': 100.0 * float(known.mean()),
+                            'workers_here': float(self._workers_here)})
 
 
 @contextmanager
@@ -115,7 +115,7 @@ def _loaded(harness: Harness) -> Iterator[None]:
         yield
 
 
-def realtime(harness: Harness) -> Measured:
+def realtime(harness: Harness) -> Measurement:
     """
     Read by a task of a core that the port interrupts; a client of the link is the consumer.
 
@@ -173,7 +173,7 @@ def consumer(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     stay(link)
 
 
-def plain(harness: Harness) -> Measured:
+def plain(harness: Harness) -> Measurement:
     """
     Read by a thread of an ordinary process that hands over to the main thread by a queue.
 

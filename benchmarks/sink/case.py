@@ -24,12 +24,12 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
@@ -105,11 +105,11 @@ _FLOODS: tuple[tuple[str, str, str, int, str, str, Mapping[str, float]], ...] = 
 _QUICK_FLOODS = ('flood 0', 'flood 10', 'threads 10')
 
 
-def _loads(options: Options) -> Sequence[int]:
+def _loads(options: BenchOptions) -> Sequence[int]:
     return (_LOADED,) if options.quick else (0, 5, 7, _LOADED)
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     interval_ns = _INTERVAL_FULL_NS if options.full else _INTERVAL_NS
     more = 0 if options.full else 20
     seconds = options.seconds if options.quick else max(
@@ -140,31 +140,31 @@ def _plan(options: Options) -> Sequence[Run]:
             once=True)]
 
 
-def _nominal_s(options: Options) -> float:
+def _nominal_s(options: BenchOptions) -> float:
     return CYCLE * (_INTERVAL_FULL_NS if options.full else _INTERVAL_NS) / NS_PER_S
 
 
-def _longer(options: Options) -> common.Of:
+def _longer(options: BenchOptions) -> common.Of:
     nominal_s = _nominal_s(options)
 
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         cycle_s = outcome.figures.get('cycle_s')
         return None if cycle_s is None else 100.0 * (cycle_s / nominal_s - 1.0)
 
     return of
 
 
-def _off(options: Options) -> common.Of:
+def _off(options: BenchOptions) -> common.Of:
     longer = _longer(options)
 
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         percent = longer(outcome)
         return None if percent is None else abs(percent)
 
     return of
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     tails = common.tails_of(_SAMPLE)
     delays = {'p50': tails['p50'], 'p99': tails['p99'], 'maximum': tails['maximum'],
               'arrived': common.figure('arrived_percent')}
@@ -198,7 +198,7 @@ def _host_rows(outcomes: Outcomes) -> list[Row]:
         'cpu': common.figure('cpu_percent')})]
 
 
-def _targets(options: Options, outcomes: Outcomes) -> Sequence[Target]:
+def _targets(options: BenchOptions, outcomes: Outcomes) -> Sequence[Target]:
     p99 = common.part_of(_SAMPLE, 0.99)
     loaded = f'sine rt {_LOADED}'
     why = common.disturbances(outcomes, 'flood 10')
@@ -222,7 +222,7 @@ def _targets(options: Options, outcomes: Outcomes) -> Sequence[Target]:
                '% of a core'))
 
 
-def _cycle_plot(options: Options, outcomes: Outcomes) -> Plot:
+def _cycle_plot(options: BenchOptions, outcomes: Outcomes) -> Plot:
     series = []
     for key, label in (('sine rt', 'rt_robot_os'), ('sine loop', 'loop')):
         known = [(count, metric.median) for count in _loads(options) if (

@@ -43,7 +43,7 @@ from rt_robot_os.features.wsn.sink.sorting import Sorting
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.topics import Bus
 
 FRAMES_HZ: Final = 160
@@ -51,7 +51,7 @@ _BATCH: Final = 500
 _PIECES: Final = 2
 
 
-def frames(harness: Harness) -> Measured:
+def frames(harness: Harness) -> Measurement:
     """Measure a frame by decoding it whole, and by what the sink does with it."""
     count = harness.arguments['count']
     lines = [content for content, _ in itertools.islice(mixture(), count)]
@@ -61,7 +61,7 @@ def frames(harness: Harness) -> Measured:
         header_reader(TINYOS_1.name, 'telos'), Classifier(DEFAULT_CLASSES, DEFAULT_RULES),
         DuplicateFilter(60 * NS_PER_S), FlowLimit(0.0), room=_BATCH, groups=(0x7D,),
         known_types=(17,), root=0)
-    return Measured({
+    return Measurement({
         'decode_ns': _cost(lines, decoder.decode),
         'sort_ns': _cost(lines, lambda packet: sorting.add(packet, 1))})
 
@@ -104,7 +104,7 @@ class _Port:
 _WIRE: Final[list[bytes]] = []
 
 
-def hour(harness: Harness) -> Measured:
+def hour(harness: Harness) -> Measurement:
     """
     Run a sink and a task for each class, which decodes, on simulated time at full line rate.
 
@@ -145,6 +145,6 @@ def hour(harness: Harness) -> Measured:
     kernel.run(NS_PER_S)
     statistics = sink.statistics()
     sensors.close()
-    return Measured(figures={
+    return Measurement(figures={
         'frames': float(statistics.frames), 'lost': float(seconds * FRAMES_HZ - read[0]),
         'cpu_percent': 100.0 * used_ns / (seconds * NS_PER_S)})

@@ -55,7 +55,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux import realtime as linux_realtime
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.compute import compute
 from rt_robot_os.topics import Bus
 
@@ -77,7 +77,7 @@ _LOADS: Final = 'benchmarks.shared.sine:loads'
 _CHUNK: Final = 4096
 ALARM, VITAL, REST = 'alarm', 'vital', 'rest'
 Note = Callable[[str, int], None]
-Worker = Callable[[Harness], Measured]
+Worker = Callable[[Harness], Measurement]
 
 
 # --- the network ------------------------------------------------------------------------------
@@ -203,7 +203,7 @@ class _Trial:
                 'delay_ns': a['start_ns']}, same_cpu=False))
             yield
 
-    def measured(self, **figures: float) -> Measured:
+    def measured(self, **figures: float) -> Measurement:
         """
         Compare the notes.
 
@@ -222,7 +222,7 @@ class _Trial:
         samples = {'delay_ns': (handled - sent)[known]}
         if self.arguments['interval_ns']:
             figures['cycle_s'] = _cycle_s(handled)
-        return Measured(samples, figures)
+        return Measurement(samples, figures)
 
 
 def _cycle_s(handled: Any) -> float:
@@ -264,7 +264,7 @@ def add_reader(kernel: Kernel, bus: Bus, name: str, priority: int, note: Note) -
     subscription = bus.subscribe(f'wsn/packets/{name}', name, task=task)
 
 
-def realtime(harness: Harness) -> Measured:
+def realtime(harness: Harness) -> Measurement:
     """Measure a robot of the core; ``busy`` tasks of the lowest priority compute beside it."""
     trial = _Trial(harness)
     wanted = VITAL if harness.arguments['interval_ns'] else ALARM
@@ -289,7 +289,7 @@ def realtime(harness: Harness) -> Measured:
             frames_hz=statistics.frames * NS_PER_S / trial.duration_ns)
 
 
-def threads(harness: Harness) -> Measured:
+def threads(harness: Harness) -> Measurement:
     """
     Measure a thread of an ordinary process that reads, decodes and handles; ``busy`` others.
 
@@ -312,7 +312,7 @@ def threads(harness: Harness) -> Measured:
     return trial.measured()
 
 
-def loop(harness: Harness) -> Measured:
+def loop(harness: Harness) -> Measurement:
     """
     Measure a loop without real time that reads one value a period; ``busy`` threads beside it.
 

@@ -22,9 +22,9 @@ from pathlib import Path
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import LAST_CPU
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
@@ -96,7 +96,7 @@ _RESTART: dict[str, common.Of] = {
     'p50': common.part_of('times', 0.5, 1e6), 'maximum': common.part_of('times', 1.0, 1e6)}
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     def run(key: str, label: str, subject: str, seconds: float, **arguments: object) -> Run:
         took_s = common.START_S + _START_S + seconds
         return Run(key, label, subject, arguments, took_s, LAST_CPU, 0,
@@ -118,7 +118,7 @@ def _plan(options: Options) -> Sequence[Run]:
         *_logs(options), *_cores(options))
 
 
-def _logs(options: Options) -> Sequence[Run]:
+def _logs(options: BenchOptions) -> Sequence[Run]:
     if not options.data:
         return ()
     name = Path(options.data).name.removesuffix('.gz').removesuffix('.csv')
@@ -134,7 +134,7 @@ def _logs(options: Options) -> Sequence[Run]:
                      ('log kiss', 'KISS-ICP', f'{_PEERS}:kiss')))
 
 
-def _cores(options: Options) -> Sequence[Run]:
+def _cores(options: BenchOptions) -> Sequence[Run]:
     seconds = common.START_S + _START_S + _WARMUP_NS / NS_PER_S + options.seconds
     return tuple(Run(key, label, f'{_SUBJECTS}:core', {
         'mapped': mapped, 'period_ns': punctual.PERIOD_NS, 'warmup_ns': _WARMUP_NS,
@@ -142,7 +142,7 @@ def _cores(options: Options) -> Sequence[Run]:
         for key, label, mapped in (('alone', 'nothing maps', 0), ('beside', 'mapping beside', 1)))
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     def rows(keys: Sequence[str], of: Mapping[str, common.Of]) -> list[Row]:
         return [outcomes.row(key, of) for key in keys if key in outcomes.runs]
 
@@ -161,7 +161,7 @@ def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
     return CaseResult(CASE.name, CASE.title, tables, _targets(options, outcomes))
 
 
-def _targets(options: Options, outcomes: Outcomes) -> list[Target]:
+def _targets(options: BenchOptions, outcomes: Outcomes) -> list[Target]:
     def one(key: str, of: common.Of) -> Metric | None:
         return outcomes.metric(key, of) if key in outcomes.runs else None
 

@@ -30,7 +30,7 @@ from rt_robot_os.features.mapping.slam.logs import rows
 from rt_robot_os.features.mapping.slam.scan import Scan
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.harness import Unavailable
 
 #: What a beam without an echo is given as, and what the laser's reach is said to be.
@@ -38,17 +38,17 @@ _NOTHING_M: Final = 81.0
 _LONGEST_S: Final = 900.0
 
 
-def karto(harness: Harness) -> Measured:
+def karto(harness: Harness) -> Measurement:
     """Map a log with slam_toolbox's Karto, with the settings that it ships."""
     return _measured(harness, 'slam_peer_karto')
 
 
-def gmapping(harness: Harness) -> Measured:
+def gmapping(harness: Harness) -> Measurement:
     """Map a log with OpenSLAM's GMapping, with the settings that it ships for 5 cm."""
     return _measured(harness, 'slam_peer_gmapping')
 
 
-def _measured(harness: Harness, program: str) -> Measured:
+def _measured(harness: Harness, program: str) -> Measurement:
     path = shutil.which(program)
     if path is None:
         raise Unavailable(f'{program} is not on PATH: build it of its sources, as '
@@ -60,8 +60,8 @@ def _measured(harness: Harness, program: str) -> Measured:
     if done.returncode:
         raise RuntimeError(f'{program} ended with {done.returncode}: {done.stderr.strip()[-500:]}')
     cpu_s, poses = read_answer(done.stdout)
-    return Measured({}, {'cpu_s': cpu_s, 'scans_per_s': len(scans) / cpu_s,
-                         **errors_of(poses, harness.arguments['relations'])})
+    return Measurement({}, {'cpu_s': cpu_s, 'scans_per_s': len(scans) / cpu_s,
+                            **errors_of(poses, harness.arguments['relations'])})
 
 
 def as_text(scans: tuple[Scan, ...]) -> str:

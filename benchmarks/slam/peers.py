@@ -38,7 +38,7 @@ from rt_robot_os.features.mapping.slam.scan import Scan
 from rt_robot_os.features.mapping.slam.transforms import between
 from rt_robot_os.features.mapping.slam.transforms import Floats
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.harness import Unavailable
 
 _RANGE_MAX_M = 20.0
@@ -54,17 +54,17 @@ _KISS = 'pip install kiss-icp'
 Locate = Callable[[Scan], Floats]
 
 
-def breezy(harness: Harness) -> Measured:
+def breezy(harness: Harness) -> Measurement:
     """Locate scans with BreezySLAM (tinySLAM's random hill climbing, with odometry)."""
     return _measured(harness, _breezy)
 
 
-def kiss(harness: Harness) -> Measured:
+def kiss(harness: Harness) -> Measurement:
     """Locate scans with KISS-ICP: scan matching alone, of points in space, without odometry."""
     return _measured(harness, _kiss)
 
 
-def _measured(harness: Harness, make: Callable[[Scan], Locate]) -> Measured:
+def _measured(harness: Harness, make: Callable[[Scan], Locate]) -> Measurement:
     a = harness.arguments
     truth: Floats | None = None
     if a.get('data'):
@@ -80,11 +80,11 @@ def _measured(harness: Harness, make: Callable[[Scan], Locate]) -> Measured:
     cpu_s = (time.process_time_ns() - begin_ns) / NS_PER_S
     figures = {'cpu_s': cpu_s, 'scans_per_s': len(scans) / cpu_s}
     if truth is None:
-        return Measured({}, {**figures, **errors_of(poses, a['relations'])})
+        return Measurement({}, {**figures, **errors_of(poses, a['relations'])})
     rms_m, rms_deg = way_errors(truth, poses)
-    return Measured({}, {**figures, 'rms_m': rms_m, 'rms_deg': rms_deg,
-                         'fitted_m': fitted_error(truth, poses),
-                         'closing_m': closing_error(truth, poses)})
+    return Measurement({}, {**figures, 'rms_m': rms_m, 'rms_deg': rms_deg,
+                            'fitted_m': fitted_error(truth, poses),
+                            'closing_m': closing_error(truth, poses)})
 
 
 def _imported(name: str, remedy: str) -> Any:

@@ -49,7 +49,7 @@ from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.tools.bench.cases.mirror.subjects import settings
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.harness import Unavailable
 from rt_robot_os.tools.bench.stamps import Stamps
 
@@ -95,7 +95,7 @@ def _timed(scans: Iterable[Scan]) -> tuple[Any, Any, dict[str, Any], float]:
             (sum(adds) + sum(updates)) / NS_PER_S)
 
 
-def drive(harness: Harness) -> Measured:
+def drive(harness: Harness) -> Measurement:
     """Map a simulated drive, and hold way and map against the true ones."""
     _libraries()
     harness.prepare()
@@ -108,7 +108,7 @@ def drive(harness: Harness) -> Measured:
         pass
     poses = mapper.trajectory()
     rms_m, rms_deg = way_errors(made.truth, poses)
-    return Measured(samples, {
+    return Measurement(samples, {
         'scans_per_s': len(made.scans) / cpu_s, 'rms_m': rms_m, 'rms_deg': rms_deg,
         'fitted_m': fitted_error(made.truth, poses),
         'closing_m': closing_error(made.truth, poses),
@@ -116,7 +116,7 @@ def drive(harness: Harness) -> Measured:
         'loops': mapper.counts['loops'], 'lost': mapper.counts['lost']})
 
 
-def log(harness: Harness) -> Measured:
+def log(harness: Harness) -> Measurement:
     """Map a log, and hold its way against relations that are known."""
     _libraries()
     harness.prepare()
@@ -129,8 +129,8 @@ def log(harness: Harness) -> Measured:
     begin_ns = time.process_time_ns()  # of all threads
     poses = mapped(scans).trajectory()
     cpu_s = (time.process_time_ns() - begin_ns) / NS_PER_S
-    return Measured({}, {'cpu_s': cpu_s, 'scans_per_s': len(poses) / cpu_s,
-                         **errors_of(poses, a['relations'])})
+    return Measurement({}, {'cpu_s': cpu_s, 'scans_per_s': len(poses) / cpu_s,
+                            **errors_of(poses, a['relations'])})
 
 
 def errors_of(poses: Floats, relations: str) -> dict[str, float]:
@@ -141,7 +141,7 @@ def errors_of(poses: Floats, relations: str) -> dict[str, float]:
     return {name: float(value) for name, value in found.items() if not isinstance(value, list)}
 
 
-def hour(harness: Harness) -> Measured:
+def hour(harness: Harness) -> Measurement:
     """Drive round the flat for a time, and look at what the process takes."""
     _libraries()
     harness.prepare()
@@ -160,7 +160,7 @@ def hour(harness: Harness) -> Measured:
     truth = np.array([lap.truth[number % len(lap.scans)] for number in range(count)])
     last = len(lap.scans)
     off = closing_error(truth[:count], mapper.trajectory()[-count:]) if count > last else math.nan
-    return Measured({}, {
+    return Measurement({}, {
         'scans_per_s': count / cpu_s, 'keyframes': len(mapper.keyframes),
         'begin_mb': sizes[0] / 1e6, 'known_mb': sizes[1] / 1e6, 'end_mb': sizes[-1] / 1e6,
         'growth_mb': (sizes[-1] - sizes[1]) / 1e6, 'closing_m': off})
@@ -179,21 +179,22 @@ def _lapped(lap: slam_drives.Drive, number: int) -> Scan:
                    stamp_ns=scan.stamp_ns + round(laps * len(lap.scans) / _SCAN_HZ * NS_PER_S))
 
 
-def restarts(harness: Harness) -> Measured:
+def restarts(harness: Harness) -> Measurement:
     """Find oneself in the map of the flat, at random places."""
     _libraries()
     harness.prepare()
     from benchmarks.slam.restart_trials import restart_trials
     count = harness.arguments['count']
     found = restart_trials(count, 1, slam_drives.shipped_map('flat'))
-    return Measured({'times': np.array([round(each * 1e6) for each in found.times_s], np.int64)}, {
+    times = np.array([round(each * 1e6) for each in found.times_s], np.int64)
+    return Measurement({'times': times}, {
         'right': 100.0 * found.right / count, 'wrong': found.wrong, 'none': found.none,
         'count': count})
 
 
 # ---- a core beside which is mapped -------------------------------------------------------------
 
-def core(harness: Harness) -> Measured:
+def core(harness: Harness) -> Measurement:
     """Run a 1 kHz task in a core that publishes scans and odometry of a drive."""
     _libraries()
     a = harness.arguments
@@ -258,7 +259,7 @@ def _publish(tested: Core, made: slam_drives.Drive) -> None:
     tested.kernel.add_task('bench/odom', publish_odometry, priority=42, rate_hz=_ODOMETRY_HZ)
 
 
-def _run(harness: Harness, tested: Core, stamps: Stamps, seen: list[int]) -> Measured:
+def _run(harness: Harness, tested: Core, stamps: Stamps, seen: list[int]) -> Measurement:
     a = harness.arguments
     harness.prepare(freeze=True)
     cpu_ns, wall_ns = time.process_time_ns(), time.monotonic_ns()
@@ -267,7 +268,7 @@ def _run(harness: Harness, tested: Core, stamps: Stamps, seen: list[int]) -> Mea
     if a['mapped'] and not seen[0]:
         raise RuntimeError('nothing was mapped')
     start_ns = tested.kernel.start_ns
-    return Measured({'starts': stamps.taken()}, {
+    return Measurement({'starts': stamps.taken()}, {
         'phase_ns': start_ns, 'begin_ns': start_ns + a['warmup_ns'],
         'measure_ns': a['measure_ns'], 'cpu_percent': 100.0 * cpu_ns / wall_ns,
         'located': seen[0]})

@@ -22,11 +22,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
@@ -62,29 +62,29 @@ _MEMORY_NOTES = (
     'pages divided among the processes that share them.')
 
 
-def _plan_start(options: Options) -> Sequence[Run]:
+def _plan_start(options: BenchOptions) -> Sequence[Run]:
     return (Run('robot', _LABEL, _SUBJECT, {'watch_ns': 0}, _START_S, UNPINNED, 0),)
 
 
-def _plan_memory(options: Options) -> Sequence[Run]:
+def _plan_memory(options: BenchOptions) -> Sequence[Run]:
     return (Run('robot', _LABEL, _SUBJECT, {'watch_ns': options.measure_ns},
                 _START_S + options.seconds, UNPINNED, 0),)
 
 
-def _figure(name: str, scale: float) -> Callable[[Outcome], float | None]:
-    def of(outcome: Outcome) -> float | None:
+def _figure(name: str, scale: float) -> Callable[[RunOutcome], float | None]:
+    def of(outcome: RunOutcome) -> float | None:
         value = outcome.figures.get(name)
         return None if value is None else value / scale
 
     return of
 
 
-def _growth(outcome: Outcome) -> float:
+def _growth(outcome: RunOutcome) -> float:
     sizes = outcome.samples['core_resident']
     return float(sizes[-1] - sizes[0]) / 1e3
 
 
-def _rate(outcome: Outcome) -> float | None:
+def _rate(outcome: RunOutcome) -> float | None:
     sizes, moments = outcome.samples['core_resident'], outcome.samples['moments']
     if len(sizes) < 3:
         return None
@@ -92,7 +92,7 @@ def _rate(outcome: Outcome) -> float | None:
     return float(slope) * 60 / 1e3
 
 
-def _evaluate_start(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate_start(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     first = _figure('first_message_ns', NS_PER_S)
     rows = [outcomes.row('robot', {
         'first_s': first, 'sample_s': _figure('first_sample_ns', NS_PER_S)})]
@@ -104,7 +104,7 @@ def _evaluate_start(options: Options, outcomes: Outcomes) -> CaseResult:
                       (Table('', _START_COLUMNS, rows, _START_NOTES),), targets)
 
 
-def _evaluate_memory(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate_memory(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     resident = _figure('core_resident', _BYTES_PER_MB)
     rows = [outcomes.row('robot', {
         'resident': resident, 'proportional': _figure('core_proportional', _BYTES_PER_MB),

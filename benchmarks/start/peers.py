@@ -43,7 +43,7 @@ from rt_robot_os.link import LinkClient
 from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.linux.process import end_child
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU
 from rt_robot_os.topics.resolve import message_class
 
@@ -95,7 +95,7 @@ class FirstSample:
             self.at_ns = time.monotonic_ns()
 
 
-def robot(harness: Harness) -> Measured:
+def robot(harness: Harness) -> Measurement:
     """
     Start the robot with its default configuration: simulated devices.
 
@@ -136,7 +136,7 @@ def robot(harness: Harness) -> Measured:
     if sample.at_ns:
         figures['first_sample_ns'] = sample.at_ns - begin_ns
     figures['first_message_ns'] = first[0] - begin_ns
-    return Measured(samples, figures)
+    return Measurement(samples, figures)
 
 
 def _watch(robot_pid: int, watch_ns: int) -> tuple[dict[str, Any], dict[str, float]]:

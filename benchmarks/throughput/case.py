@@ -19,11 +19,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmarks.delay.case import size_text
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
@@ -47,7 +47,7 @@ _NOTES = (
     'two buffers of memcpy do. The paper states 2 K Bytes a second.')
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     return (Run('rings', 'rings', f'{__package__}.subjects:rings',
                 {'sizes': SIZES, 'measure_ns': options.measure_ns},
                 common.START_S + options.seconds),)
@@ -58,7 +58,7 @@ def _time_ps(kind: str, size: int) -> common.Of:
 
 
 def _per_second(kind: str, size: int, amount: float) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         taken = _time_ps(kind, size)(outcome)
         return None if taken is None else amount * 1e12 / taken
 
@@ -66,14 +66,14 @@ def _per_second(kind: str, size: int, amount: float) -> common.Of:
 
 
 def _ratio(size: int) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         ring, copy = _time_ps('ring', size)(outcome), _time_ps('copy', size)(outcome)
         return None if ring is None or copy is None else ring / copy
 
     return of
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     rows = [published_values('paper (FreeRTOS on STM32F4)', bytes=_PAPER_BYTES_S / 1e6)]
     rows += [outcomes.row('rings', {
         'messages': _per_second('ring', size, 1e-3),

@@ -26,13 +26,13 @@ import numpy as np
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.topics import Bus
 
 _BLOCK_NS = 2 * NS_PER_MS
 
 
-def rings(harness: Harness) -> Measured:
+def rings(harness: Harness) -> Measurement:
     """
     For each size move messages through a ring and copy as many bytes, in short turns.
 
@@ -52,7 +52,7 @@ def rings(harness: Harness) -> Measured:
                 taken.append(_mean_ps(operation, count))
         samples[f'ring {size}'] = np.array(blocks[0]).astype(np.int64)
         samples[f'copy {size}'] = np.array(blocks[1]).astype(np.int64)
-    return Measured(samples)
+    return Measurement(samples)
 
 
 def _operations(size: int) -> tuple[Callable[[], object], Callable[[], object]]:

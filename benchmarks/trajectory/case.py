@@ -42,13 +42,13 @@ import numpy as np
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.motion.controllers import CONTROLLERS
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
@@ -110,11 +110,11 @@ _LAW_NOTES = (
     'the wait for the next cycle, they are cold.')
 
 
-def _inside(options: Options) -> Sequence[int]:
+def _inside(options: BenchOptions) -> Sequence[int]:
     return LOADS[-1:] if options.quick else LOADS
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     runs = [_paper_run(options, 'rt', count) for count in _inside(options)]
     for system in _peers(options):
         runs += [_paper_run(options, system, count) for count in _inside(options)]
@@ -134,13 +134,13 @@ def _plan(options: Options) -> Sequence[Run]:
     return runs
 
 
-def _peers(options: Options) -> Sequence[str]:
+def _peers(options: BenchOptions) -> Sequence[str]:
     if options.quick:
         return ('single',)
     return ('threads', 'process', 'single', 'multi', *(('events',) if options.full else ()))
 
 
-def _eight_systems(options: Options) -> Sequence[str]:
+def _eight_systems(options: BenchOptions) -> Sequence[str]:
     return ('rt', 'threads', 'process', 'single') if options.full else ('rt', 'threads', 'single')
 
 
@@ -165,7 +165,7 @@ def _run(system: str, key: str, what: str, seconds: float, limit_s: float,
         start_s + seconds, cpu, priority, once=True)
 
 
-def _paper_run(options: Options, system: str, count: int, outside: bool = False,
+def _paper_run(options: BenchOptions, system: str, count: int, outside: bool = False,
                slip: float = 0.0) -> Run:
     where = 'outside' if outside else 'inside'
     seconds = _DRIVE_S
@@ -201,7 +201,7 @@ _EIGHT_METRICS: Mapping[str, common.Of] = {
     'time': common.figure('time_ms', 1000.0)}
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     tables = [Table('', _COLUMNS, _rows(outcomes), _NOTES)]
     eights = [outcomes.row(key, _EIGHT_METRICS) for key in outcomes.runs
               if key.startswith('eight ')]
@@ -252,7 +252,7 @@ def _targets(outcomes: Outcomes) -> Sequence[Target]:
     def law(name: str, scale: float) -> Metric | None:
         return outcomes.metric('laws', common.figure(f'{ours} {name}', scale))
 
-    def over_pursuit(outcome: Outcome) -> float | None:
+    def over_pursuit(outcome: RunOutcome) -> float | None:
         mine, theirs = (outcome.figures.get(f'{key} rms_m') for key in (ours, pursuit))
         return mine / theirs if mine is not None and theirs else None
 
@@ -294,7 +294,7 @@ def _spread(outcomes: Outcomes, keys: Sequence[str]) -> Metric | None:
 
 
 def _requirements(outcomes: Outcomes) -> Sequence[Requirement]:
-    of: Callable[[Outcome], float | None] = deviation_ms(PAPER_PERIOD_NS, 1.0)
+    of: Callable[[RunOutcome], float | None] = deviation_ms(PAPER_PERIOD_NS, 1.0)
     most = LOADS[-1]
     systems = {'rt_robot_os': f'rt {most}', 'threads': f'threads {most}'}
     found = {name: outcomes.metric(key, of) if key in outcomes.runs else None

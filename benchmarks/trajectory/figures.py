@@ -28,7 +28,7 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.cases.common import Of
 from rt_robot_os.tools.bench.stats import percentile
@@ -37,7 +37,7 @@ from rt_robot_os.tools.bench.stats import percentile
 _BEGINNING_M: Final = 0.30
 
 
-def cycles_ns(outcome: Outcome) -> Samples:
+def cycles_ns(outcome: RunOutcome) -> Samples:
     """Return the time from each cycle to the next."""
     moments = outcome.samples.get('time_s', np.zeros(0))
     found: Samples = np.round(np.diff(moments) * NS_PER_S).astype(np.int64)
@@ -46,7 +46,7 @@ def cycles_ns(outcome: Outcome) -> Samples:
 
 def cycle_ms(of: Callable[[Any], Any]) -> Of:
     """Take a figure of the cycle times."""
-    def found(outcome: Outcome) -> float | None:
+    def found(outcome: RunOutcome) -> float | None:
         cycles = cycles_ns(outcome)
         return float(of(cycles)) / NS_PER_MS if len(cycles) else None
 
@@ -55,26 +55,26 @@ def cycle_ms(of: Callable[[Any], Any]) -> Of:
 
 def deviation_ms(period_ns: int, part: float) -> Of:
     """Take a percentile of how far the cycle times are from the period; 1.0 is the maximum."""
-    def found(outcome: Outcome) -> float | None:
+    def found(outcome: RunOutcome) -> float | None:
         value = percentile(np.abs(cycles_ns(outcome) - period_ns), part)
         return None if value is None else value / NS_PER_MS
 
     return found
 
 
-def control_us(outcome: Outcome) -> float | None:
+def control_us(outcome: RunOutcome) -> float | None:
     """Take the median of what a step of the controller took."""
     value = percentile(outcome.samples.get('control_ns', np.zeros(0, np.int64)), 0.5)
     return None if value is None else value / 1000
 
 
-def distance_cm(outcome: Outcome) -> float | None:
+def distance_cm(outcome: RunOutcome) -> float | None:
     """Take the way of the robot."""
     value = outcome.figures.get('travelled_m')
     return None if value is None else 100 * value
 
 
-def missed_cm(outcome: Outcome) -> float | None:
+def missed_cm(outcome: RunOutcome) -> float | None:
     """Take how far from the goal it came to rest."""
     f = outcome.figures
     if 'end_x_m' not in f:
@@ -82,14 +82,14 @@ def missed_cm(outcome: Outcome) -> float | None:
     return 100 * math.hypot(f['end_x_m'] - PAPER_GOAL[0], f['end_y_m'] - PAPER_GOAL[1])
 
 
-def heading_deg(outcome: Outcome) -> float | None:
+def heading_deg(outcome: RunOutcome) -> float | None:
     """Take how far the heading is off at the end."""
     value = outcome.figures.get('heading_rad')
     return None if value is None else abs(math.degrees(math.remainder(
         value - PAPER_GOAL[2], math.tau)))
 
 
-def cross_cm(outcome: Outcome) -> float | None:
+def cross_cm(outcome: RunOutcome) -> float | None:
     """Take the root of the mean square of the distances from the line, after the beginning."""
     x, y = outcome.samples.get('x_m'), outcome.samples.get('y_m')
     if x is None or y is None:
@@ -100,7 +100,7 @@ def cross_cm(outcome: Outcome) -> float | None:
 
 def eight_cm(of: Callable[[Any], Any]) -> Of:
     """Take a figure of the distances from the eight."""
-    def found(outcome: Outcome) -> float | None:
+    def found(outcome: RunOutcome) -> float | None:
         x, y = outcome.samples.get('x_m'), outcome.samples.get('y_m')
         if x is None or y is None or not len(x):
             return None
@@ -111,7 +111,7 @@ def eight_cm(of: Callable[[Any], Any]) -> Of:
 
 def off(of: Of, wanted: float) -> Of:
     """Take how far a figure is from what it should be."""
-    def found(outcome: Outcome) -> float | None:
+    def found(outcome: RunOutcome) -> float | None:
         value = of(outcome)
         return None if value is None else abs(value - wanted)
 

@@ -24,11 +24,11 @@ from benchmarks.trajectory.subjects import measured
 from benchmarks.trajectory.subjects import work
 from benchmarks.trajectory.subjects import WORK_PERIOD_NS
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.rclpy_graph import graph
 
 
-def executor(harness: Harness) -> Measured:
+def executor(harness: Harness) -> Measurement:
     """Run the loop and ``inside`` workload timers in one node, the loop first."""
     a = harness.arguments
     loop = made(a)

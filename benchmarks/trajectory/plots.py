@@ -27,8 +27,8 @@ from benchmarks.trajectory.figures import cycles_ns
 import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.plot import Plot
 from rt_robot_os.tools.bench.plot import Series
 
@@ -84,7 +84,7 @@ def _table(outcomes: Outcomes) -> Sequence[Plot]:
 
 
 def _figures(outcomes: Outcomes, system: str, label: str, letter: str) -> Sequence[Plot]:
-    def series(of: Callable[[Outcome], Points]) -> list[Series]:
+    def series(of: Callable[[RunOutcome], Points]) -> list[Series]:
         return [Series(f'{count} tasks', *of(outcomes.measured(f'{system} {count}')[0]), 'marks')
                 for count in LOADS if outcomes.measured(f'{system} {count}')]
 
@@ -105,17 +105,17 @@ def _figures(outcomes: Outcomes, system: str, label: str, letter: str) -> Sequen
              f'Flat at 300 ms is right.{_HIDDEN}', x_range=(0, 32), y_range=(0, 1300)))
 
 
-def _way(outcome: Outcome) -> Points:
+def _way(outcome: RunOutcome) -> Points:
     samples = outcome.samples
     return _list(100 * samples['y_m']), _list(100 * samples['x_m'])
 
 
-def _heading(outcome: Outcome) -> Points:
+def _heading(outcome: RunOutcome) -> Points:
     samples = outcome.samples
     return _list(samples['time_s']), _list(np.degrees(np.unwrap(samples['heading_rad'])))
 
 
-def _cycles(outcome: Outcome) -> Points:
+def _cycles(outcome: RunOutcome) -> Points:
     cycles = cycles_ns(outcome) / NS_PER_MS
     return _list(np.arange(1, len(cycles) + 1)), _list(cycles)
 

@@ -38,7 +38,7 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.motion.spline import spline
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.threads import Threads
 
 # Each workload task asks for 4 % of a CPU, twenty of them for 80 %, all at the same moment: less
@@ -74,12 +74,12 @@ def made(a: Mapping[str, Any]) -> ControlLoop:
     return ControlLoop(drive, Robot(drive.start, a['seed'], a['slip']))
 
 
-def measured(loop: ControlLoop) -> Measured:
+def measured(loop: ControlLoop) -> Measurement:
     """Return what a loop has noted."""
     figures = dict(loop.figures(time.monotonic_ns()))
     samples = loop.cycles.taken()
     samples['control_ns'] = samples['control_ns'].astype(np.int64)
-    return Measured(samples, figures)
+    return Measurement(samples, figures)
 
 
 @contextmanager
@@ -93,7 +93,7 @@ def loaded(harness: Harness) -> Iterator[None]:
         yield
 
 
-def kernel(harness: Harness) -> Measured:
+def kernel(harness: Harness) -> Measurement:
     """Run the loop as a task over ``inside`` workload tasks of the lowest priority."""
     a = harness.arguments
     loop, tested = made(a), Kernel()
@@ -115,7 +115,7 @@ def kernel(harness: Harness) -> Measured:
         return measured(loop)
 
 
-def threads(harness: Harness) -> Measured:
+def threads(harness: Harness) -> Measurement:
     """Run the loop as a thread beside ``inside`` workload threads; with real time if it has it."""
     a = harness.arguments
     loop = made(a)
@@ -129,7 +129,7 @@ def threads(harness: Harness) -> Measured:
         return measured(loop)
 
 
-def laws(harness: Harness) -> Measured:
+def laws(harness: Harness) -> Measurement:
     """Drive an eight with each law on a clock of its own: only the seed decides."""
     figures: dict[str, float] = {}
     for law, speed_m_s in harness.arguments['laws']:
@@ -148,7 +148,7 @@ def laws(harness: Harness) -> Measured:
         figures[f'{key} maximum_m'] = float(away_m.max())
         figures[f'{key} control_us'] = float(np.median(noted['control_ns'])) / 1000
         figures[f'{key} time_s'] = loop.figures(now_ns[0])['time_ms'] / 1000
-    return Measured({}, figures)
+    return Measurement({}, figures)
 
 
 def law_key(law: str, speed_m_s: float) -> str:

@@ -27,11 +27,11 @@ from benchmarks.control.vectors import compare
 from benchmarks.control.vectors import VectorsError
 import pytest
 
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 
 LAW = {'target': [0, 5, 0], 'current': [0, 0, 0], 'gains': [1, 10, 0.2, 2, 0.1, 2.5, 1, 1],
@@ -100,19 +100,19 @@ def test_a_vector_that_is_no_number_is_told(number: str, tmp_path: Path) -> None
 
 
 def test_differences_become_a_verdict(tmp_path: Path) -> None:
-    options = Options(0.1, 1, data=str(written(tmp_path / 'v.json', {
+    options = BenchOptions(0.1, 1, data=str(written(tmp_path / 'v.json', {
         'smooth_control_law': [{**LAW, 'v': 0.2}]})))
     runs = {run.key: run for run in CASE.plan(options)}
     outcomes = Outcomes(tuple(runs.values()))
     measured = subject.vectors(Harness(runs['vectors'].arguments, -2, 0, tmp_path))
-    outcomes.add('vectors', Outcome(Status.OK, '', measured.samples, measured.figures))
+    outcomes.add('vectors', RunOutcome(RunStatus.OK, '', measured.samples, measured.figures))
     result = CASE.evaluate(options, outcomes)
     assert result.targets[0].verdict is TargetVerdict.MISSED
     assert 'smooth_control_law' in [row.label for row in result.tables[0].rows]
 
 
 def test_without_vectors_the_case_says_nothing_of_them() -> None:
-    assert [run.key for run in CASE.plan(Options(0.1, 1))] == ['steps']
+    assert [run.key for run in CASE.plan(BenchOptions(0.1, 1))] == ['steps']
 
 
 @pytest.mark.parametrize('law', ['kanayama', 'park_kuipers'])

@@ -28,11 +28,11 @@ from benchmarks.devices.files import text_of
 import pytest
 
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 
 GOOD = {'text': '~^148|-175.91|+98.74|+7.10|182.39`',
@@ -44,11 +44,11 @@ SAID = ('0.5 host->board 620d\n0.501 board->host 35373630300d0a\n'
 
 def verdicts(path: Path) -> set[TargetVerdict]:
     """Say how a recording compares; times of frames are not measured here."""
-    options = Options(0.1, 1, data=str(path))
+    options = BenchOptions(0.1, 1, data=str(path))
     runs = {run.key: run for run in CASE.plan(options)}
     outcomes = Outcomes(tuple(runs.values()))
     measured = subject.recorded(Harness(runs['recording'].arguments, -2, 0, path.parent))
-    outcomes.add('recording', Outcome(Status.OK, '', measured.samples, measured.figures))
+    outcomes.add('recording', RunOutcome(RunStatus.OK, '', measured.samples, measured.figures))
     return {target.verdict for target in CASE.evaluate(options, outcomes).targets
             if target.verdict is not TargetVerdict.UNKNOWN}
 

@@ -24,12 +24,12 @@ import numpy as np
 import pytest
 
 from rt_robot_os.settings import load
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 from rt_robot_os.tools.plan.analysis import analyse
 from rt_robot_os.tools.plan.chains import ChainRequest
@@ -76,11 +76,11 @@ def test_the_chain_that_is_measured_is_the_one_that_plan_bounds(tmp_path: Path) 
 
 
 def test_the_verdict_goes_by_the_99th_of_100_of_each_load() -> None:
-    options = Options(1.0, 1)
+    options = BenchOptions(1.0, 1)
     outcomes = Outcomes(CASE.plan(options))
     for key in outcomes.runs:
         slow = 11 * MS if key == 'rt 20' else MS
-        outcomes.add(key, Outcome(Status.OK, '', {
+        outcomes.add(key, RunOutcome(RunStatus.OK, '', {
             'delay_ns': np.array([MS] * 480 + [slow] * 20)}, {'answered_percent': 100.0}))
     result = CASE.evaluate(options, outcomes)
     assert {target.text: target.verdict for target in result.targets} == {
@@ -96,12 +96,12 @@ def test_the_verdict_goes_by_the_99th_of_100_of_each_load() -> None:
 
 
 def test_the_ratio_is_that_of_each_round_and_the_median_of_the_rounds_is_shown() -> None:
-    options = Options(1.0, 3, full=True)
+    options = BenchOptions(1.0, 3, full=True)
     outcomes = Outcomes(CASE.plan(options))
     # The second round was disturbed, in all its runs alike; of the third one run alone.
     for own, others in ((2, 2), (30, 30), (6, 2)):
         for key in outcomes.runs:
-            outcomes.add(key, Outcome(Status.OK, '', {
+            outcomes.add(key, RunOutcome(RunStatus.OK, '', {
                 'delay_ns': np.full(200, (own if key == 'rt 7' else others) * MS)},
                 {'answered_percent': 100.0}))
     result = CASE.evaluate(options, outcomes)
@@ -114,5 +114,5 @@ def test_the_ratio_is_that_of_each_round_and_the_median_of_the_rounds_is_shown()
 
 
 def test_every_round_measures_every_load() -> None:
-    for options in (Options(1.0, 3), Options(1.0, 3, full=True)):
+    for options in (BenchOptions(1.0, 3), BenchOptions(1.0, 3, full=True)):
         assert not any(run.once for run in CASE.plan(options))

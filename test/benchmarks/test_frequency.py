@@ -26,10 +26,10 @@ from benchmarks.frequency import subjects as modules
 import numpy as np
 import pytest
 
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.case import RunOutcome
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 
 MS = 1_000_000
@@ -66,7 +66,7 @@ def _calls(after: Callable[[int], list[int]]) -> np.ndarray:
     (lambda which: list(range(35, 400, 10)), _MOVED)])
 def test_what_a_late_release_does_is_told_by_the_calls(
         after: Callable[[int], list[int]], expected: tuple[int, int, float]) -> None:
-    outcome = Outcome(Status.OK, '', {'starts': _calls(after)})
+    outcome = RunOutcome(RunStatus.OK, '', {'starts': _calls(after)})
     for which in ('own', 'away'):
         found = [frequency._LATE_METRICS[f'{name} {which}'](outcome)
                  for name in ('at_once', 'left_out', 'shift')]
@@ -94,15 +94,15 @@ def test_a_module_is_late_twice_and_asks_for_its_process_to_be_stopped(
                                                (2000.0, TargetVerdict.MISSED)])
 def test_a_frequency_is_judged_by_what_a_plain_loop_reaches(
         floor_hz: float, verdict: TargetVerdict) -> None:
-    def measured(hz: float) -> Outcome:
+    def measured(hz: float) -> RunOutcome:
         starts = [np.arange(0, 10**9, round(10**9 / rate / (2000 / hz) ** -1))
                   for rate in frequency.RATES_HZ]
-        return Outcome(Status.OK, '', {
+        return RunOutcome(RunStatus.OK, '', {
             'starts': np.concatenate(starts).astype(np.int64),
             'counts': np.array([len(one) for one in starts])},
             {'begin_ns': 0, 'measure_ns': 10**9, 'cpu_percent': 1.0})
 
-    options = Options(1.0, 1, quick=True)
+    options = BenchOptions(1.0, 1, quick=True)
     outcomes = Outcomes(frequency.CASE.plan(options))
     outcomes.add('kernel', measured(1990.0))
     outcomes.add('monotonic', measured(1990.0))

@@ -34,14 +34,14 @@ from benchmarks.localization.simulation import rms
 import numpy as np
 import pytest
 
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.command import run
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.options import parse
 from rt_robot_os.tools.bench.registry import CASES
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 
 pytest.importorskip('nav_msgs', reason='ROS 2 messages are not installed')
@@ -193,21 +193,21 @@ def test_expectations_that_are_none_are_told(content: str, tmp_path: Path) -> No
 # ---- the case --------------------------------------------------------------------------------
 
 
-def measured(key: str, options: Options, tmp_path: Path, **changes: int
-             ) -> tuple[Outcomes, Outcome]:
+def measured(key: str, options: BenchOptions, tmp_path: Path, **changes: int
+             ) -> tuple[Outcomes, RunOutcome]:
     runs = CASE.plan(options)
     one = next(each for each in runs if each.key == key)
     harness = Harness({**one.arguments, **changes}, -2, 0, tmp_path)
     found = getattr(subject, one.subject.partition(':')[2])(harness)
     outcomes = Outcomes(runs)
-    outcome = Outcome(Status.OK, '', found.samples, found.figures)
+    outcome = RunOutcome(RunStatus.OK, '', found.samples, found.figures)
     outcomes.add(key, outcome)
     return outcomes, outcome
 
 
 def test_a_recording_beside_its_expectation_is_a_verdict(tmp_path: Path) -> None:
     path = own_recording(tmp_path / 'drive.csv', 5.0)
-    options = Options(0.1, 1, quick=True, data=str(path))
+    options = BenchOptions(0.1, 1, quick=True, data=str(path))
     x, y, _ = replay(read(path)).poses[-1]
     for off, verdict in ((0.05, TargetVerdict.REACHED), (0.5, TargetVerdict.MISSED)):
         (tmp_path / 'drive.expected.json').write_text(json.dumps({'ekf_final': [x + off, y]}))
@@ -227,7 +227,7 @@ def test_a_recording_beside_its_expectation_is_a_verdict(tmp_path: Path) -> None
 
 
 def test_the_aims_of_a_simulated_drive_are_reached(tmp_path: Path) -> None:
-    options = Options(0.1, 1, quick=True)
+    options = BenchOptions(0.1, 1, quick=True)
     outcomes, outcome = measured('simulation', options, tmp_path, seeds=1)
     assert np.all(outcome.samples['kidnapped found_ms'] < 5000)
     result = CASE.evaluate(options, outcomes)
@@ -239,7 +239,7 @@ def test_the_aims_of_a_simulated_drive_are_reached(tmp_path: Path) -> None:
 
 
 def test_without_a_recording_the_case_says_nothing_of_one() -> None:
-    options = Options(0.1, 1)
+    options = BenchOptions(0.1, 1)
     result = CASE.evaluate(options, Outcomes(CASE.plan(options)))
     assert [table.title for table in result.tables] == ['simulation', 'time of a step']
     assert all(target.verdict is TargetVerdict.UNKNOWN for target in result.targets)

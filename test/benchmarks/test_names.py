@@ -24,7 +24,7 @@ from benchmarks import __main__ as benchmarks
 from benchmarks.registry import CASES as FURTHER
 import pytest
 
-from rt_robot_os.tools.bench.case import Options
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.options import parse
 from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.registry import cases
@@ -48,14 +48,14 @@ def test_the_source_tree_has_all_cases_in_their_order() -> None:
 @pytest.mark.parametrize('name', ORDER)
 def test_every_run_names_a_function_that_exists(name: str) -> None:
     for full in (False, True):
-        for run in CASES[name].plan(Options(1.0, 1, full=full)):
+        for run in CASES[name].plan(BenchOptions(1.0, 1, full=full)):
             module, _, function = run.subject.partition(':')
             assert function in _functions(module), run.subject
 
 
 def test_an_installed_case_needs_nothing_of_the_source_tree() -> None:
     for case in INSTALLED.values():
-        for run in case.plan(Options(1.0, 1, full=True)):
+        for run in case.plan(BenchOptions(1.0, 1, full=True)):
             assert run.subject.startswith('rt_robot_os.'), run.subject
     imports = re.compile(r'^\s*(from|import) benchmarks\b', re.MULTILINE)
     assert [path for path in (ROOT / 'rt_robot_os').rglob('*.py')

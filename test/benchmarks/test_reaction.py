@@ -23,12 +23,12 @@ from benchmarks.reaction.case import CASE
 import numpy as np
 import pytest
 
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 
 MS = 1_000_000
@@ -52,11 +52,11 @@ def test_every_obstacle_on_the_wire_stops_the_motors_on_theirs(
 
 
 def test_the_verdict_goes_by_the_99th_of_100() -> None:
-    options = Options(1.0, 1)
+    options = BenchOptions(1.0, 1)
     outcomes = Outcomes(CASE.plan(options))
     for key in outcomes.runs:
         slow = 6 * MS if key == 'rt alone' else MS
-        outcomes.add(key, Outcome(Status.OK, '', {
+        outcomes.add(key, RunOutcome(RunStatus.OK, '', {
             'reaction_ns': np.array([MS] * 480 + [slow] * 20)}, {'answered_percent': 100.0}))
     result = CASE.evaluate(options, outcomes)
     assert [target.verdict for target in result.targets] == [

@@ -24,14 +24,14 @@ from benchmarks.routing.case import CASE
 import numpy as np
 import pytest
 
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 
-USUAL = Options(2.0, 3)
+USUAL = BenchOptions(2.0, 3)
 
 
 def harness(arguments: dict, folder: Path) -> Harness:
@@ -63,7 +63,7 @@ def outcomes(**changed: int) -> Outcomes:
         samples = {f'{key} {name}': np.array([changed.get(
             f'{key} {name}'.replace(' ', '_'), value)])
                    for key in keys[run.key] for name, value in usual.items()}
-        found.add(run.key, Outcome(Status.OK, samples=samples))
+        found.add(run.key, RunOutcome(RunStatus.OK, samples=samples))
     return found
 
 

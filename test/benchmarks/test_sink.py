@@ -24,13 +24,13 @@ from benchmarks.sink.case import CASE
 import numpy as np
 import pytest
 
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.harness import Measurement
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 
 MS = 1_000_000
@@ -45,7 +45,7 @@ class _Here(Harness):
         """Do nothing."""
 
 
-def run(subject: sink.Worker, folder: Path, **arguments: float) -> Measured:
+def run(subject: sink.Worker, folder: Path, **arguments: float) -> Measurement:
     return subject(_Here({
         'busy': 0, 'processes': 0, 'alone': False, 'interval_ns': 0, 'measure_ns': 300 * MS,
         'start_ns': 200 * MS, 'more': 0, 'patience': 1.0, **arguments}, UNPINNED, 0, folder))
@@ -77,11 +77,11 @@ def test_the_cost_of_a_frame_is_taken_in_batches() -> None:
 
 
 def test_the_verdicts_go_by_their_limits() -> None:
-    options = Options(1.0, 1)
+    options = BenchOptions(1.0, 1)
     outcomes = Outcomes(CASE.plan(options))
     for key in outcomes.runs:
         slow = 2 * MS if key == 'flood 10' else MS // 2
-        outcomes.add(key, Outcome(Status.OK, '', {
+        outcomes.add(key, RunOutcome(RunStatus.OK, '', {
             'delay_ns': np.array([MS // 2] * 480 + [slow] * 20),
             'decode_ns': np.array([9000] * 50), 'sort_ns': np.array([5000] * 50)}, {
                 'arrived_percent': 100.0, 'cycle_s': 1.8, 'frames': 576_000.0, 'lost': 0.0,

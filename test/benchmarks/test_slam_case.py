@@ -32,13 +32,13 @@ from benchmarks.slam.measures import fitted_error  # noqa: E402
 from benchmarks.slam.measures import way_errors  # noqa: E402
 from rt_robot_os.features.mapping.slam.transforms import composed  # noqa: E402
 from rt_robot_os.motion.grid_map import GridMap  # noqa: E402
-from rt_robot_os.tools.bench.case import Options  # noqa: E402
-from rt_robot_os.tools.bench.case import Outcome  # noqa: E402
+from rt_robot_os.tools.bench.case import BenchOptions  # noqa: E402
 from rt_robot_os.tools.bench.case import Outcomes  # noqa: E402
+from rt_robot_os.tools.bench.case import RunOutcome  # noqa: E402
 from rt_robot_os.tools.bench.case import UNPINNED  # noqa: E402
 from rt_robot_os.tools.bench.harness import Harness  # noqa: E402
 from rt_robot_os.tools.bench.harness import Unavailable  # noqa: E402
-from rt_robot_os.tools.bench.result import Status  # noqa: E402
+from rt_robot_os.tools.bench.result import RunStatus  # noqa: E402
 from rt_robot_os.tools.bench.result import TargetVerdict  # noqa: E402
 
 
@@ -78,14 +78,14 @@ def test_cells_agree_within_ten_centimetres_and_no_further() -> None:
 
 
 def test_the_aims_follow_the_figures_and_a_missing_peer_is_a_line() -> None:
-    options = Options(2.0, 1)
+    options = BenchOptions(2.0, 1)
     outcomes = Outcomes(CASE.plan(options))
     samples = {'adds': np.full(100, 5_000_000), 'updates': np.full(100, 12_000_000)}
     for key, off in (('flat', 0.02), ('ring', 0.06)):
-        outcomes.add(key, Outcome(Status.OK, '', samples, {
+        outcomes.add(key, RunOutcome(RunStatus.OK, '', samples, {
             'scans_per_s': 100.0, 'rms_m': off, 'rms_deg': 0.1, 'fitted_m': off,
             'closing_m': off, 'agreement': 99.0}))
-    outcomes.add('kiss', Outcome(Status.MISSING, 'pip install kiss-icp'))
+    outcomes.add('kiss', RunOutcome(RunStatus.MISSING, 'pip install kiss-icp'))
     result = CASE.evaluate(options, outcomes)
     known = {target.text: target.verdict for target in result.targets}
     assert known['way in the flat, rms'] is TargetVerdict.REACHED
@@ -94,15 +94,15 @@ def test_the_aims_follow_the_figures_and_a_missing_peer_is_a_line() -> None:
     assert known['p99 with mapping / alone'] is TargetVerdict.UNKNOWN
     assert all(len(text) <= 48 for text in known)
     row = next(row for row in result.tables[0].rows if row.run == 'kiss')
-    assert (row.status, row.reason) == (Status.MISSING, 'pip install kiss-icp')
+    assert (row.status, row.reason) == (RunStatus.MISSING, 'pip install kiss-icp')
 
 
 def test_a_log_is_compared_with_the_relations_beside_it(tmp_path: object) -> None:
-    options = Options(2.0, 1, data='/somewhere/intel.csv.gz', expected='/there/intel.csv')
+    options = BenchOptions(2.0, 1, data='/somewhere/intel.csv.gz', expected='/there/intel.csv')
     runs = {run.key: run for run in CASE.plan(options)}
     assert runs['log'].arguments == runs['log kiss'].arguments == runs['log karto'].arguments == {
         'data': '/somewhere/intel.csv.gz', 'relations': '/there/intel.csv'}
-    assert [run.key for run in CASE.plan(Options(0.5, 1, quick=True))] == ['flat']
+    assert [run.key for run in CASE.plan(BenchOptions(0.5, 1, quick=True))] == ['flat']
 
 
 #: It answers with the odometry that it is given, 1.5 CPU seconds later, as it says.

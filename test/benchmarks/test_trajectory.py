@@ -34,13 +34,13 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.kernel import VirtualClock
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.processes import measure
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 
 BEGIN_NS = 10 * NS_PER_S
@@ -53,7 +53,7 @@ def made(clock_ns: Callable[[], int], seed: int, slip: float = 0.0) -> ControlLo
     return ControlLoop(drive, Robot(drive.start, seed, slip), clock_ns=clock_ns)
 
 
-def under_load(tasks: int, seed: int, slip: float = 0.0) -> Measured:
+def under_load(tasks: int, seed: int, slip: float = 0.0) -> Measurement:
     """Drive the paper's run in the kernel, on the virtual clock, over tasks that compute."""
     clock = VirtualClock(BEGIN_NS)
     kernel = Kernel(clock)
@@ -71,10 +71,10 @@ def under_load(tasks: int, seed: int, slip: float = 0.0) -> Measured:
                         rate_hz=NS_PER_S / (375 * NS_PER_MS))
     loop.prepare(BEGIN_NS)
     assert kernel.run(20 * NS_PER_S) == 'arrived'
-    return Measured(loop.cycles.taken(), loop.figures(clock.now_ns()))
+    return Measurement(loop.cycles.taken(), loop.figures(clock.now_ns()))
 
 
-def cycles_ms(found: Measured) -> np.ndarray[Any, Any]:
+def cycles_ms(found: Measurement) -> np.ndarray[Any, Any]:
     return np.diff(found.samples['time_s']) * 1000
 
 
@@ -133,25 +133,25 @@ def test_a_loop_that_is_never_called_again_drives_on_as_it_was_told() -> None:
 
 # --- what the case makes of it ---------------------------------------------------------------
 
-def outcome(found: Measured) -> Outcome:
+def outcome(found: Measurement) -> RunOutcome:
     samples = dict(found.samples)
     samples['control_ns'] = np.full(len(samples['time_s']), 30_000)
-    return Outcome(Status.OK, '', samples, {**found.figures, 'env waited_ms': 0.0})
+    return RunOutcome(RunStatus.OK, '', samples, {**found.figures, 'env waited_ms': 0.0})
 
 
 def test_the_case_finds_the_aims_reached_and_draws_the_figures() -> None:
-    options = Options(1.0, 1)
+    options = BenchOptions(1.0, 1)
     outcomes = Outcomes(CASE.plan(options))
     good = outcome(under_load(7, 1))
     slow = replace(good, samples={**good.samples, 'time_s': 2 * good.samples['time_s']})
     for key in outcomes.runs:
         if key == 'laws':
-            outcomes.add(key, Outcome(Status.OK, '', {}, {
+            outcomes.add(key, RunOutcome(RunStatus.OK, '', {}, {
                 'kanayama 0.3 rms_m': 0.01, 'kanayama 0.3 maximum_m': 0.02,
                 'kanayama 0.3 control_us': 12.0,
                 'regulated_pure_pursuit 0.3 rms_m': 0.02}))
         elif key.startswith('eight'):
-            outcomes.add(key, Outcome(Status.MISSING, 'left out'))
+            outcomes.add(key, RunOutcome(RunStatus.MISSING, 'left out'))
         else:
             outcomes.add(key, good if key.startswith('rt ') else slow)
     result = CASE.evaluate(options, outcomes)
@@ -177,12 +177,12 @@ def test_the_case_finds_the_aims_reached_and_draws_the_figures() -> None:
 
 @pytest.mark.parametrize('key', ['rt 7', 'single 7'])
 def test_a_real_run_that_is_cut_short_says_where_the_robot_is(key: str) -> None:
-    run = next(run for run in CASE.plan(Options(1.0, 1)) if run.key == key)
+    run = next(run for run in CASE.plan(BenchOptions(1.0, 1)) if run.key == key)
     if key == 'single 7':
         pytest.importorskip('rclpy', reason='rclpy is not installed')
     found = measure(replace(run, cpu=UNPINNED, priority=0, arguments={
         **run.arguments, 'inside': 1, 'limit_ns': 700 * NS_PER_MS}))
-    assert found.status is Status.OK, found.reason
+    assert found.status is RunStatus.OK, found.reason
     assert not found.figures['arrived']
     assert 0.0 < found.figures['travelled_m'] < 1.0
     assert len(found.samples['time_s']) >= 1

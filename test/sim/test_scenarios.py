@@ -25,11 +25,11 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.sim.scenarios.faults import FaultInjector
 from rt_robot_os.sim.scenarios.runner import run_scenarios
 from rt_robot_os.sim.scenarios.timeline import seconds
-from rt_robot_os.sim.scenarios.timeline import Timeline
+from rt_robot_os.sim.scenarios.timeline import VirtualTimeline
 
 
 def test_actions_run_in_the_order_of_their_times_and_then_of_their_addition() -> None:
-    timeline, seen = Timeline(100), list[tuple[str, int]]()
+    timeline, seen = VirtualTimeline(100), list[tuple[str, int]]()
 
     def note(name: str) -> None:
         seen.append((name, timeline.now_ns))
@@ -44,7 +44,7 @@ def test_actions_run_in_the_order_of_their_times_and_then_of_their_addition() ->
 
 
 def test_what_is_due_sees_the_time_to_which_it_is_run_and_may_add_more() -> None:
-    timeline, seen = Timeline(), list[int]()
+    timeline, seen = VirtualTimeline(), list[int]()
     timeline.at(10, lambda: timeline.after(0, lambda: seen.append(timeline.now_ns)))
     timeline.at(60, lambda: seen.append(-1))
     timeline.run_until(50)
@@ -55,7 +55,7 @@ def test_what_is_due_sees_the_time_to_which_it_is_run_and_may_add_more() -> None
 
 
 def test_a_fault_begins_and_ends_and_one_without_a_duration_does_not_end() -> None:
-    timeline, seen = Timeline(), list[tuple[str, int]]()
+    timeline, seen = VirtualTimeline(), list[tuple[str, int]]()
     injector = FaultInjector(timeline, Random(1))
 
     def note(what: str) -> None:
@@ -69,7 +69,7 @@ def test_a_fault_begins_and_ends_and_one_without_a_duration_does_not_end() -> No
 
 
 def test_a_recurring_fault_comes_about_as_often_as_its_mean_says() -> None:
-    timeline, seen = Timeline(), list[str]()
+    timeline, seen = VirtualTimeline(), list[str]()
     FaultInjector(timeline, Random(1)).recurring('power', 10.0, seen.append)
     while timeline.now_ns < seconds(10_000.0):
         timeline.step()

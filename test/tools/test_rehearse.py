@@ -29,10 +29,10 @@ from rt_robot_os.tools.rehearse.coverage import edges_taken
 from rt_robot_os.tools.rehearse.coverage import name_of
 from rt_robot_os.tools.rehearse.detectable import detectable_emergencies
 from rt_robot_os.tools.rehearse.scenario import CaregiverProfile
+from rt_robot_os.tools.rehearse.scenario import CareScenario
 from rt_robot_os.tools.rehearse.scenario import Occurrence
 from rt_robot_os.tools.rehearse.scenario import quiet_scenario
 from rt_robot_os.tools.rehearse.scenario import random_scenario
-from rt_robot_os.tools.rehearse.scenario import Scenario
 from rt_robot_os.tools.rehearse.scenario_run import RunRecord
 from rt_robot_os.tools.rehearse.scenario_run import ScenarioRun
 
@@ -50,7 +50,7 @@ def event(alarm, what, state, t_s, level='critical', subject='anna'):
             'level': level, 'subject': subject, 'kinds': ['fall'], 'text': ''}
 
 
-FALL = Scenario(1, (Occurrence(10.0, 'fall', 'anna', 0.0, 'silent'),), PROMPT)
+FALL = CareScenario(1, (Occurrence(10.0, 'fall', 'anna', 0.0, 'silent'),), PROMPT)
 RAISED = event('1', 'raised', 'raised', 12.0)
 
 
@@ -146,19 +146,19 @@ def test_the_shipped_robot_notices_a_fall_and_the_carer_ends_it(flat):
 
 
 def test_who_was_looked_after_gets_up_and_who_lies_cannot_fall(flat):
-    scenario = Scenario(3, (
+    scenario = CareScenario(3, (
         Occurrence(20.0, 'fall', 'anna', 0.0, 'help'),
         Occurrence(110.0, 'fall', 'anna', 40.0, 'fine')), CaregiverProfile(5.0, 30.0))
     record = ScenarioRun(flat, scenario).run()
     assert not record.no_falls and check(scenario, record).noticed == 2
     again = Occurrence(45.0, 'fall', 'anna', 40.0, 'fine')
-    scenario = Scenario(3, (Occurrence(20.0, 'fall', 'anna', 100.0, 'fine'), again), PROMPT)
+    scenario = CareScenario(3, (Occurrence(20.0, 'fall', 'anna', 100.0, 'fine'), again), PROMPT)
     record = ScenarioRun(flat, scenario).run()
     assert record.no_falls == [again] and not check(scenario, record).problems
 
 
 def test_an_operator_who_takes_the_robot_has_it_and_the_camera_answers(flat):
-    scenario = Scenario(3, (
+    scenario = CareScenario(3, (
         Occurrence(10.0, 'fall', 'anna', 0.0, 'help'),
         Occurrence(13.0, 'operator_drives', '', 6.0), Occurrence(24.0, 'operator_sends'),
         Occurrence(75.0, 'operator_says', 'stay'), Occurrence(80.0, 'noise', '', 5.0)),
@@ -174,14 +174,15 @@ def test_an_operator_who_takes_the_robot_has_it_and_the_camera_answers(flat):
     ('cellar', 'blocked: no place to stand beside it'),
     ('intercom', 'no_place: nobody knows where it is')])
 def test_a_call_from_where_the_robot_cannot_go_is_given_up_with_the_reason(flat, caller, cause):
-    scenario = Scenario(3, (Occurrence(10.0, 'call', caller, 30.0),), CaregiverProfile(20.0, 10.0))
+    scenario = CareScenario(
+        3, (Occurrence(10.0, 'call', caller, 30.0),), CaregiverProfile(20.0, 10.0))
     verdict = check(scenario, ScenarioRun(flat, scenario).run())
     assert not verdict.problems and cause in verdict.gave_up
 
 
 def test_a_killed_core_goes_on_with_its_alarm(flat):
-    scenario = Scenario(3, (*FALL.occurrences, Occurrence(50.0, 'core_killed', '', 3.0)),
-                        CaregiverProfile(float('inf'), 10.0))
+    scenario = CareScenario(3, (*FALL.occurrences, Occurrence(50.0, 'core_killed', '', 3.0)),
+                            CaregiverProfile(float('inf'), 10.0))
     record = ScenarioRun(flat, scenario).run()
     assert record.crashes == 1
     assert not check(scenario, record).problems

@@ -21,7 +21,7 @@ from random import Random
 
 from rt_robot_os.sim.scenarios.timeline import Action
 from rt_robot_os.sim.scenarios.timeline import seconds
-from rt_robot_os.sim.scenarios.timeline import Timeline
+from rt_robot_os.sim.scenarios.timeline import VirtualTimeline
 
 
 class FaultInjector:
@@ -31,7 +31,7 @@ class FaultInjector:
     :param random: draws the times of what recurs.
     """
 
-    def __init__(self, timeline: Timeline, random: Random) -> None:
+    def __init__(self, timeline: VirtualTimeline, random: Random) -> None:
         self._timeline = timeline
         self._random = random
 

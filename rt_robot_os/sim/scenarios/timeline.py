@@ -25,7 +25,7 @@ from rt_robot_os.base.units import NS_PER_S
 Action = Callable[[], None]
 
 
-class Timeline:
+class VirtualTimeline:
     """
     Actions in the order of their times; of equal times in the order in which they were added.
 

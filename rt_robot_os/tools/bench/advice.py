@@ -21,9 +21,9 @@ from collections.abc import Sequence
 
 from rt_robot_os.tools.bench.blocks import Block
 from rt_robot_os.tools.bench.blocks import Bullets
-from rt_robot_os.tools.bench.blocks import Grid
 from rt_robot_os.tools.bench.blocks import Heading
 from rt_robot_os.tools.bench.blocks import Paragraph
+from rt_robot_os.tools.bench.blocks import TableBlock
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.text_report import fit
@@ -96,7 +96,7 @@ def requirements(results: Sequence[CaseResult]) -> Iterator[Block]:
         'machine, its yes and no on this one.')
     systems = [name for name in SYSTEMS
                if any(each.systems.get(name) is not None for each in known)]
-    yield Grid(('requirement', 'case', *systems, 'good enough'), [
+    yield TableBlock(('requirement', 'case', *systems, 'good enough'), [
         (each.text, each.case, *(fit(each, name) or '-' for name in systems), _use(each))
         for each in known], [''] * len(known), 2)
     yield Bullets(USE)

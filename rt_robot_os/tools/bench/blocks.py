@@ -45,7 +45,7 @@ class Bullets:
 
 
 @dataclass(frozen=True)
-class Code:
+class CodeBlock:
     """What is typed, and in which language."""
 
     text: str
@@ -53,7 +53,7 @@ class Code:
 
 
 @dataclass(frozen=True)
-class Grid:
+class TableBlock:
     """
     A table.
 
@@ -71,11 +71,11 @@ class Grid:
 
 
 @dataclass(frozen=True)
-class Picture:
+class PictureBlock:
     """A plot; ``unique`` names it within the report and as a file."""
 
     plot: Plot
     unique: str
 
 
-Block = Heading | Paragraph | Bullets | Code | Grid | Picture
+Block = Heading | Paragraph | Bullets | CodeBlock | TableBlock | PictureBlock

@@ -30,7 +30,7 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 
 # The core's own defaults, so that what is measured is what runs.
 FIFO_PRIORITY = 80
@@ -44,7 +44,7 @@ Samples = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Options:
+class BenchOptions:
     """
     How long and how often.
 
@@ -106,7 +106,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunOutcome:
     """
     What a child brought back.
 
@@ -115,7 +115,7 @@ class Outcome:
     :ivar realtime: steps of the real-time set-up as (step, in force, reason).
     """
 
-    status: Status
+    status: RunStatus
     reason: str = ''
     samples: Mapping[str, Samples] = field(default_factory=dict)
     figures: Mapping[str, float] = field(default_factory=dict)
@@ -127,21 +127,21 @@ class Outcomes:
 
     def __init__(self, runs: Sequence[Run]) -> None:
         self.runs = {run.key: run for run in runs}
-        self._outcomes: dict[str, list[Outcome]] = {run.key: [] for run in runs}
+        self._outcomes: dict[str, list[RunOutcome]] = {run.key: [] for run in runs}
 
-    def add(self, key: str, outcome: Outcome) -> None:
+    def add(self, key: str, outcome: RunOutcome) -> None:
         """Append the outcome of a further repeat."""
         self._outcomes[key].append(outcome)
 
-    def all(self, key: str) -> Sequence[Outcome]:  # noqa: A003
+    def all(self, key: str) -> Sequence[RunOutcome]:  # noqa: A003
         """Return what one run brought back, in the order of the repeats."""
         return self._outcomes.get(key, [])
 
-    def measured(self, key: str) -> Sequence[Outcome]:
+    def measured(self, key: str) -> Sequence[RunOutcome]:
         """Return the repeats of a run that were measured."""
-        return [o for o in self.all(key) if o.status is Status.OK]
+        return [o for o in self.all(key) if o.status is RunStatus.OK]
 
-    def metric(self, key: str, of: Callable[[Outcome], float | None]) -> Metric | None:
+    def metric(self, key: str, of: Callable[[RunOutcome], float | None]) -> Metric | None:
         """
         Take one number from each measured repeat of a run.
 
@@ -152,7 +152,8 @@ class Outcomes:
         known = tuple(value for value in values if value is not None)
         return Metric(known) if known and len(known) == len(values) else None
 
-    def ratio(self, key: str, other: str, of: Callable[[Outcome], float | None]) -> Metric | None:
+    def ratio(self, key: str, other: str, of: Callable[[RunOutcome], float | None]
+              ) -> Metric | None:
         """
         Divide a number of one run by that of another, repeat by repeat.
 
@@ -160,18 +161,18 @@ class Outcomes:
         """
         return self.between(key, of, other, of)
 
-    def between(self, key: str, of: Callable[[Outcome], float | None], other: str,
-                other_of: Callable[[Outcome], float | None]) -> Metric | None:
+    def between(self, key: str, of: Callable[[RunOutcome], float | None], other: str,
+                other_of: Callable[[RunOutcome], float | None]) -> Metric | None:
         """Divide a number of one run by another number of another one, repeat by repeat."""
         values = []
         for one, two in zip(self.all(key), self.all(other)):
-            if one.status is Status.OK and two.status is Status.OK:
+            if one.status is RunStatus.OK and two.status is RunStatus.OK:
                 above, below = of(one), other_of(two)
                 if above is not None and below:
                     values.append(above / below)
         return Metric(tuple(values)) if values else None
 
-    def row(self, key: str, of: Mapping[str, Callable[[Outcome], float | None]],
+    def row(self, key: str, of: Mapping[str, Callable[[RunOutcome], float | None]],
             label: str | None = None) -> Row:
         """
         Make the row of a run; one that was never measured says why.
@@ -182,7 +183,7 @@ class Outcomes:
         text = self.runs[key].label if label is None else label
         outcomes = self.all(key)
         if not self.measured(key):
-            last = outcomes[-1] if outcomes else Outcome(Status.FAILED, 'was not run')
+            last = outcomes[-1] if outcomes else RunOutcome(RunStatus.FAILED, 'was not run')
             return Row(text, status=last.status, reason=last.reason, run=key)
         return Row(text, {name: self.metric(key, one) for name, one in of.items()}, run=key)
 
@@ -204,8 +205,8 @@ class Case:
 
     name: str
     title: str
-    plan: Callable[[Options], Sequence[Run]]
-    evaluate: Callable[[Options, Outcomes], CaseResult]
-    partial: Callable[[Options], Outcomes | None] | None = None
+    plan: Callable[[BenchOptions], Sequence[Run]]
+    evaluate: Callable[[BenchOptions, Outcomes], CaseResult]
+    partial: Callable[[BenchOptions], Outcomes | None] | None = None
     takes_data: bool = False
     docs_repeats: int = 1

@@ -36,11 +36,11 @@ from rt_robot_os.base.needs import remedy
 from rt_robot_os.base.requirements import LIBRARIES
 from rt_robot_os.linux.process import run_child
 from rt_robot_os.tools.bench import builds
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.harness import Harness
 from rt_robot_os.tools.bench.harness import Unavailable
 from rt_robot_os.tools.bench.helper import load_function
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 
 JOB_FILE = 'job.json'
 RESULT_FILE = 'result.npz'
@@ -48,34 +48,35 @@ _OWN = 'rt_robot_os'
 _META = 'meta'
 
 
-def _work(job: dict[str, Any], folder: Path) -> Outcome:
+def _work(job: dict[str, Any], folder: Path) -> RunOutcome:
     harness = Harness(job['arguments'], job['cpu'], job['priority'], folder)
     why = builds.why_not(job['build'])
     if why:
-        return Outcome(Status.MISSING, why)
+        return RunOutcome(RunStatus.MISSING, why)
     try:
         measured = load_function(job['subject'])(harness)
     except ImportError as error:
         name = (error.name or '').partition('.')[0]
         if name == _OWN or not name:
-            return Outcome(Status.FAILED, f'ImportError: {error}')
+            return RunOutcome(RunStatus.FAILED, f'ImportError: {error}')
         if not isinstance(error, ModuleNotFoundError):
-            return Outcome(Status.MISSING, f'this version of {name} has not got it ({error})')
+            return RunOutcome(
+                RunStatus.MISSING, f'this version of {name} has not got it ({error})')
         known = [each for each in LIBRARIES.values() if each.module == name]
-        return Outcome(Status.MISSING, f'{name} is not installed ({error})' + (
+        return RunOutcome(RunStatus.MISSING, f'{name} is not installed ({error})' + (
             f'; remedy: {remedy(known)}' if known else ''))
     except Unavailable as error:
-        return Outcome(Status.MISSING, str(error))
+        return RunOutcome(RunStatus.MISSING, str(error))
     except (RtRobotError, OSError, RuntimeError) as error:
         if isinstance(error.__cause__, ImportError):  # such as that of a message package
-            return Outcome(Status.MISSING, str(error))
-        return Outcome(Status.FAILED, f'{type(error).__name__}: {error}')
+            return RunOutcome(RunStatus.MISSING, str(error))
+        return RunOutcome(RunStatus.FAILED, f'{type(error).__name__}: {error}')
     figures = {**harness.machine_state.figures(), **builds.figures(), **measured.figures}
-    return Outcome(Status.OK, '', measured.samples, figures,
-                   [(r.step, r.ok, r.reason) for r in harness.realtime])
+    return RunOutcome(RunStatus.OK, '', measured.samples, figures,
+                      [(r.step, r.ok, r.reason) for r in harness.realtime])
 
 
-def write_result(folder: Path, outcome: Outcome) -> None:
+def write_result(folder: Path, outcome: RunOutcome) -> None:
     """Leave an outcome for the parent; the file appears complete or not at all."""
     meta = json.dumps({'status': outcome.status.value, 'reason': outcome.reason,
                        'figures': dict(outcome.figures), 'realtime': list(outcome.realtime)})
@@ -85,13 +86,13 @@ def write_result(folder: Path, outcome: Outcome) -> None:
     path.rename(folder / RESULT_FILE)
 
 
-def read_result(folder: Path) -> Outcome:
+def read_result(folder: Path) -> RunOutcome:
     """Read what a child left."""
     with np.load(folder / RESULT_FILE) as file:
         meta = json.loads(str(file[_META]))
         samples = {name: file[name] for name in file.files if name != _META}
-    return Outcome(Status(meta['status']), meta['reason'], samples, meta['figures'],
-                   [(step, ok, reason) for step, ok, reason in meta['realtime']])
+    return RunOutcome(RunStatus(meta['status']), meta['reason'], samples, meta['figures'],
+                      [(step, ok, reason) for step, ok, reason in meta['realtime']])
 
 
 def main(argv: Sequence[str]) -> int:

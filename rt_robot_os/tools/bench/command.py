@@ -29,16 +29,16 @@ from rt_robot_os.base.programs import warn
 from rt_robot_os.tools.bench import expectations
 from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.case import Case
+from rt_robot_os.tools.bench.options import BenchRequest
 from rt_robot_os.tools.bench.options import goes_on
 from rt_robot_os.tools.bench.options import parse
-from rt_robot_os.tools.bench.options import Request
 from rt_robot_os.tools.bench.output import EarlierRun
 from rt_robot_os.tools.bench.output import PAGE_FILE
 from rt_robot_os.tools.bench.processes import measure
 from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.runner import Measure
-from rt_robot_os.tools.bench.session import Session
+from rt_robot_os.tools.bench.session import BenchSession
 from rt_robot_os.tools.bench.text_report import case_lines
 from rt_robot_os.tools.bench.text_report import closing_lines
 from rt_robot_os.tools.bench.text_report import terminal_width
@@ -69,8 +69,8 @@ def run(argv: Sequence[str], cases: Mapping[str, Case] = CASES, measured: Measur
         signal.signal(signal.SIGTERM, previous)
 
 
-def _run(request: Request, measured: Measure, argv: Sequence[str]) -> int:
-    session = Session(request, measured, argv)
+def _run(request: BenchRequest, measured: Measure, argv: Sequence[str]) -> int:
+    session = BenchSession(request, measured, argv)
     interrupted = False
     if request.out is not None and not plot_drawing.available():
         warn('bench', plot_drawing.remedy())  # before hours are spent, not only afterwards
@@ -97,7 +97,7 @@ def _close(results: Sequence[CaseResult], machine: Mapping[str, Any]) -> None:
                             *expectations.lines(results, machine, width))))
 
 
-def _again(request: Request, cases: Mapping[str, Case]) -> int:
+def _again(request: BenchRequest, cases: Mapping[str, Case]) -> int:
     """Evaluate the raw samples of an earlier call again, show and write that."""
     if request.page is None:
         return OK

@@ -36,7 +36,7 @@ class Unavailable(Exception):
 
 
 @dataclass(frozen=True)
-class Measured:
+class Measurement:
     """
     What a subject returns.
 
@@ -105,7 +105,7 @@ class Harness:
         return Helper(subject, arguments, cpus)
 
 
-def prepare(harness: Harness) -> Measured:
+def prepare(harness: Harness) -> Measurement:
     """Do the real-time set-up and nothing else."""
     harness.prepare()
-    return Measured()
+    return Measurement()

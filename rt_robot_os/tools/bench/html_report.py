@@ -24,10 +24,10 @@ import re
 from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.blocks import Block
 from rt_robot_os.tools.bench.blocks import Bullets
-from rt_robot_os.tools.bench.blocks import Code
-from rt_robot_os.tools.bench.blocks import Grid
+from rt_robot_os.tools.bench.blocks import CodeBlock
 from rt_robot_os.tools.bench.blocks import Heading
 from rt_robot_os.tools.bench.blocks import Paragraph
+from rt_robot_os.tools.bench.blocks import TableBlock
 
 _STYLE = """
 :root { color-scheme: light; }
@@ -100,15 +100,15 @@ def _html(block: Block) -> str:
         return f'<p>{_inline(block.text)}</p>'
     if isinstance(block, Bullets):
         return '<ul>' + ''.join(f'<li>{_inline(item)}</li>' for item in block.items) + '</ul>'
-    if isinstance(block, Code):
+    if isinstance(block, CodeBlock):
         return f'<pre>{escape(block.text)}</pre>'
-    if isinstance(block, Grid):
+    if isinstance(block, TableBlock):
         return _table(block)
     return (f'<figure>{plot_drawing.svg(block.plot, block.unique)}'
             f'<figcaption>{_inline(block.plot.caption)}</figcaption></figure>')
 
 
-def _table(grid: Grid) -> str:
+def _table(grid: TableBlock) -> str:
     count = len(grid.headings)
     lines = ['<div class="wide"><table>']
     if grid.groups:

@@ -25,18 +25,18 @@ from typing import Any
 
 import numpy as np
 
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.result import CaseResult
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 
 SCHEMA_VERSION = 2
 _META = 'meta'
 
 
-def document(machine: Mapping[str, Any], conditions: Mapping[str, Any], options: Options,
+def document(machine: Mapping[str, Any], conditions: Mapping[str, Any], options: BenchOptions,
              results: Sequence[CaseResult], interrupted: bool) -> dict[str, Any]:
     """
     Put everything together in plain values.
@@ -117,8 +117,8 @@ def read_samples(folder: Path, name: str, runs: Sequence[Run]) -> Outcomes:
                 samples.setdefault((key, repeat), {})[sample] = file[path]
     for key in outcomes.runs:
         for repeat, one in enumerate(meta.get(key, ())):
-            outcomes.add(key, Outcome(Status(one['status']), one['reason'],
-                                      samples.get((key, str(repeat)), {}), one['figures'],
-                                      [(step, in_force, reason)
-                                       for step, in_force, reason in one['realtime']]))
+            outcomes.add(key, RunOutcome(RunStatus(one['status']), one['reason'],
+                                         samples.get((key, str(repeat)), {}), one['figures'],
+                                         [(step, in_force, reason)
+                                          for step, in_force, reason in one['realtime']]))
     return outcomes

@@ -23,10 +23,10 @@ from collections.abc import Sequence
 
 from rt_robot_os.tools.bench.blocks import Block
 from rt_robot_os.tools.bench.blocks import Bullets
-from rt_robot_os.tools.bench.blocks import Code
-from rt_robot_os.tools.bench.blocks import Grid
+from rt_robot_os.tools.bench.blocks import CodeBlock
 from rt_robot_os.tools.bench.blocks import Heading
 from rt_robot_os.tools.bench.blocks import Paragraph
+from rt_robot_os.tools.bench.blocks import TableBlock
 
 # How rows are marked, and in which columns.
 _MARKS: Mapping[str, tuple[str, Sequence[int]]] = {
@@ -49,9 +49,9 @@ def _lines(block: Block, images: str) -> Iterator[str]:
         yield block.text
     elif isinstance(block, Bullets):
         yield from ('- ' + item for item in block.items)
-    elif isinstance(block, Code):
+    elif isinstance(block, CodeBlock):
         yield from (f'```{block.language}', block.text, '```')
-    elif isinstance(block, Grid):
+    elif isinstance(block, TableBlock):
         yield from _table(block)
     else:
         yield f'![{block.plot.title}]({images}{block.unique}.svg)'
@@ -60,7 +60,7 @@ def _lines(block: Block, images: str) -> Iterator[str]:
     yield ''
 
 
-def _table(grid: Grid) -> Iterator[str]:
+def _table(grid: TableBlock) -> Iterator[str]:
     yield '| ' + ' | '.join(_text(text) for text in _headings(grid)) + ' |'
     yield '|' + '|'.join('---' if i < grid.words else '---:'
                          for i in range(len(grid.headings))) + '|'
@@ -72,7 +72,7 @@ def _table(grid: Grid) -> Iterator[str]:
         yield '| ' + ' | '.join(cells) + ' |'
 
 
-def _headings(grid: Grid) -> Sequence[str]:
+def _headings(grid: TableBlock) -> Sequence[str]:
     if not grid.groups:
         return grid.headings
     return [f'{name} {heading}'.strip() + (f', {unit}' if unit else '')

@@ -31,19 +31,19 @@ import textwrap
 from typing import NoReturn
 
 from rt_robot_os.settings.ros_args import split
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.output import DOCUMENT_FILE
 from rt_robot_os.tools.bench.output import PAGE_FILE
 from rt_robot_os.tools.bench.processes import alone
 from rt_robot_os.tools.bench.processes import lock_path
 from rt_robot_os.tools.bench.registry import SOURCE_ONLY
 
-_DEFAULT = Options(2.0, 3)
-_QUICK = Options(0.5, 1, quick=True)
-_FULL = Options(3.2, 4, full=True)
+_DEFAULT = BenchOptions(2.0, 3)
+_QUICK = BenchOptions(0.5, 1, quick=True)
+_FULL = BenchOptions(3.2, 4, full=True)
 # Repeats: at most; each case says how often.
-_DOCS = Options(0.5, 5, quick=True, docs=True)
+_DOCS = BenchOptions(0.5, 5, quick=True, docs=True)
 _SECONDS = (0.1, 86_400.0)
 _HOURS = (0.001, 1000.0)
 _REPEATS_MAXIMUM = 1000
@@ -78,7 +78,7 @@ spacing measure the compiled build beside that in any case, where there is one.
 
 
 @dataclass(frozen=True)
-class Request:
+class BenchRequest:
     """
     What the user wants.
 
@@ -88,7 +88,7 @@ class Request:
     """
 
     cases: Sequence[Case]
-    options: Options
+    options: BenchOptions
     json: Path | None
     out: Path | None
     list_only: bool
@@ -183,7 +183,7 @@ def _repeats(text: str) -> int:
     return int(text)
 
 
-def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
+def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> BenchRequest:
     """
     Read and check the arguments; ends the program with code 2 when they are wrong.
 
@@ -210,8 +210,8 @@ def parse(argv: Sequence[str], cases: Mapping[str, Case]) -> Request:
             _check_file(parser, given.json)
         if given.out is not None:
             _check_folder(parser, given.out, [case.name for case in chosen])
-    return Request(chosen or list(cases.values()), options, given.json, given.out, given.list,
-                   given.page)
+    return BenchRequest(chosen or list(cases.values()), options, given.json, given.out, given.list,
+                        given.page)
 
 
 def _absolute(path: Path | None) -> str:
@@ -253,7 +253,7 @@ def _check_data(parser: _Parser, given: argparse.Namespace, chosen: Sequence[Cas
             parser.error(f'--{option} {path}: cannot be read: {error.strerror}')
 
 
-def goes_on(request: Request) -> bool:
+def goes_on(request: BenchRequest) -> bool:
     """Return whether the same call, after Ctrl-C, goes on where it ended."""
     return request.out is not None and [case.name for case in request.cases] == [_HOURS_CASE]
 

@@ -24,9 +24,9 @@ from typing import Any
 
 from rt_robot_os.base.errors import RtRobotError
 from rt_robot_os.tools.bench import plot_drawing
-from rt_robot_os.tools.bench.blocks import Picture
+from rt_robot_os.tools.bench.blocks import PictureBlock
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.html_report import page
 from rt_robot_os.tools.bench.json_report import read_samples
@@ -51,7 +51,7 @@ def write_results(folder: Path, content: Mapping[str, Any], results: Sequence[Ca
     blocks = list(report(content, results))
     (folder / PAGE_FILE).write_text(page(blocks))
     (folder / MARKDOWN_FILE).write_text(markdown(blocks, IMAGES))
-    pictures = [block for block in blocks if isinstance(block, Picture)]
+    pictures = [block for block in blocks if isinstance(block, PictureBlock)]
     if pictures:
         (folder / IMAGES).mkdir(parents=True, exist_ok=True)
     for picture in pictures:
@@ -69,7 +69,7 @@ class EarlierRun:
         self._folder = folder
         try:
             self.content = json.loads((folder / DOCUMENT_FILE).read_text())
-            self.options = Options(**self.content['options'], out=str(folder))
+            self.options = BenchOptions(**self.content['options'], out=str(folder))
         except OSError as error:
             raise RtRobotError(f'{folder / DOCUMENT_FILE}: {error.strerror}; name a folder that '
                                '--out has written') from error

@@ -33,12 +33,12 @@ import time
 
 from rt_robot_os.linux.process import start_child
 from rt_robot_os.tools.bench import builds
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.child import JOB_FILE
 from rt_robot_os.tools.bench.child import read_result
 from rt_robot_os.tools.bench.child import RESULT_FILE
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 
 #: Where this package lies; in the source tree, the folder ``benchmarks`` is there as well.
 ROOT = Path(__file__).resolve().parents[3]
@@ -109,7 +109,7 @@ def _lock(fd: int, wait: bool) -> bool:
     return True
 
 
-def measure(run: Run) -> Outcome:
+def measure(run: Run) -> RunOutcome:
     """
     Run a subject in a fresh interpreter, when no other bench measures on this machine.
 
@@ -134,8 +134,8 @@ def measure(run: Run) -> Outcome:
                 end_group(process)
         if (folder / RESULT_FILE).exists():
             return read_result(folder)
-        return Outcome(Status.FAILED, _why(process.returncode if ended else None,
-                                           run.seconds + _PATIENCE_S, folder / _LOG_FILE))
+        return RunOutcome(RunStatus.FAILED, _why(process.returncode if ended else None,
+                                                 run.seconds + _PATIENCE_S, folder / _LOG_FILE))
 
 
 def _wait(process: subprocess.Popen[bytes], result: Path, timeout_s: float) -> bool:

@@ -29,7 +29,7 @@ def duration(seconds: float) -> str:
         seconds < 5400) else f'{seconds / 3600:.1f} h'
 
 
-class Progress:
+class ProgressLine:
     """
     One line that is written over: how much is done, what is done now, how long it still takes.
 

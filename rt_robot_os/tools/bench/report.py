@@ -28,11 +28,11 @@ from rt_robot_os.tools.bench.advice import requirements
 from rt_robot_os.tools.bench.advice import WORDS
 from rt_robot_os.tools.bench.blocks import Block
 from rt_robot_os.tools.bench.blocks import Bullets
-from rt_robot_os.tools.bench.blocks import Code
-from rt_robot_os.tools.bench.blocks import Grid
+from rt_robot_os.tools.bench.blocks import CodeBlock
 from rt_robot_os.tools.bench.blocks import Heading
 from rt_robot_os.tools.bench.blocks import Paragraph
-from rt_robot_os.tools.bench.blocks import Picture
+from rt_robot_os.tools.bench.blocks import PictureBlock
+from rt_robot_os.tools.bench.blocks import TableBlock
 from rt_robot_os.tools.bench.case import COMPILED
 from rt_robot_os.tools.bench.machine import IN_FORCE
 from rt_robot_os.tools.bench.machine import summary
@@ -42,7 +42,7 @@ from rt_robot_os.tools.bench.method import method
 from rt_robot_os.tools.bench.method import PEERS
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Row
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.text_report import absence
 from rt_robot_os.tools.bench.text_report import cell
@@ -83,13 +83,13 @@ def report(content: Mapping[str, Any], results: Sequence[CaseResult]) -> Iterato
         yield from _case(result)
     yield Heading('Method', 2)
     yield Bullets(method(content['machine'], content, content['options']))
-    yield Code(BY_HAND, 'python')
+    yield CodeBlock(BY_HAND, 'python')
     yield Heading('How each system is run', 2)
     yield Bullets(PEERS)
     yield from _machine(content)
     yield from expectations.blocks(results, content['machine'])
     yield Heading('Repeat it', 2)
-    yield Code(content['command'])
+    yield CodeBlock(content['command'])
 
 
 def _moment(text: str) -> str:
@@ -109,7 +109,7 @@ def _case(result: CaseResult) -> Iterator[Block]:
                 yield Paragraph(f'{plot.title}: {flat[0]:.4g} to {flat[1]:.4g} ({plot.y_label}), '
                                 'so there is no picture.')
             elif any(series.x for series in plot.series):
-                yield Picture(plot, f'{result.name}-{plot.name}')
+                yield PictureBlock(plot, f'{result.name}-{plot.name}')
     for table in result.tables:
         if table.title:
             yield Heading(table.title, 4)
@@ -127,7 +127,7 @@ def _notes(table: Table) -> Iterator[Block]:
         yield Paragraph(' '.join(table.notes))
 
 
-def _grid(table: Table) -> Grid:
+def _grid(table: Table) -> TableBlock:
     columns = [column for column in table.columns
                if not column.spread or any(spread(row.metrics.get(column.key))
                                            for row in table.rows)]
@@ -135,19 +135,19 @@ def _grid(table: Table) -> Grid:
     kinds: list[str] = []
     given: set[str] = set()
     for row in table.rows:
-        if row.status is Status.OK:
+        if row.status is RunStatus.OK:
             rows.append((row.label, *(cell(row.metrics.get(c.key), c) for c in columns)))
         else:
             rows.append((row.label, absence(row, given)))
         kinds.append(_kind(row))
-    return Grid(('', *(column.title for column in columns)), rows, kinds,
-                groups=(('', ''), *((column.group, column.unit) for column in columns)))
+    return TableBlock(('', *(column.title for column in columns)), rows, kinds,
+                      groups=(('', ''), *((column.group, column.unit) for column in columns)))
 
 
 def _kind(row: Row) -> str:
     if row.published:
         return 'published'
-    if row.status is not Status.OK:
+    if row.status is not RunStatus.OK:
         return 'absent'
     # Of two builds the compiled one is what most users have.
     return 'ours' if OURS in row.label or row.run.endswith(f' {COMPILED}') else ''
@@ -160,7 +160,7 @@ def _machine(content: Mapping[str, Any]) -> Iterator[Block]:
             for key, value in machine.items() if value not in ('', [], {})]
     rows += [(f'measured processes: {step}', state)
              for step, state in content['realtime'].items()]
-    yield Grid(('', ''), rows, [''] * len(rows), 2)
+    yield TableBlock(('', ''), rows, [''] * len(rows), 2)
 
 
 def _plain(value: Any) -> str:

@@ -28,7 +28,7 @@ from rt_robot_os.tools.bench.machine_state import NOTHING
 from rt_robot_os.tools.bench.plot import Plot
 
 
-class Status(Enum):
+class RunStatus(Enum):
     """What became of a run: measured, its software is not installed, or it went wrong."""
 
     OK = 'ok'
@@ -107,7 +107,7 @@ class Row:
 
     label: str
     metrics: Mapping[str, Metric | None] = field(default_factory=dict)
-    status: Status = Status.OK
+    status: RunStatus = RunStatus.OK
     reason: str = ''
     published: bool = False
     run: str = ''

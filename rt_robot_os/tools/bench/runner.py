@@ -18,34 +18,34 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.processes import measure
-from rt_robot_os.tools.bench.progress import Progress
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.progress import ProgressLine
+from rt_robot_os.tools.bench.result import RunStatus
 
-Measure = Callable[[Run], Outcome]
+Measure = Callable[[Run], RunOutcome]
 
 
-def expected_seconds(case: Case, options: Options) -> float:
+def expected_seconds(case: Case, options: BenchOptions) -> float:
     """Estimate how long a case takes."""
     return sum(run.seconds * repeats(run, case, options) for run in case.plan(options))
 
 
-def repeats(run: Run, case: Case, options: Options) -> int:
+def repeats(run: Run, case: Case, options: BenchOptions) -> int:
     """Return how often a run of a case is repeated."""
     return 1 if run.once else rounds(case, options)
 
 
-def rounds(case: Case, options: Options) -> int:
+def rounds(case: Case, options: BenchOptions) -> int:
     """Return how often a case is repeated."""
     return case.docs_repeats if options.docs else options.repeats
 
 
-def run_case(case: Case, options: Options, progress: Progress, measured: Measure = measure
+def run_case(case: Case, options: BenchOptions, progress: ProgressLine, measured: Measure = measure
              ) -> Outcomes:
     """
     Measure everything that a case asks for: all runs once, then all again, and so on.
@@ -57,7 +57,7 @@ def run_case(case: Case, options: Options, progress: Progress, measured: Measure
     """
     runs = list(case.plan(options))
     outcomes = Outcomes(runs)
-    missing: dict[str, Outcome] = {}
+    missing: dict[str, RunOutcome] = {}
     total = sum(repeats(run, case, options) for run in runs)
     count = 0
     for repeat in range(rounds(case, options)):
@@ -67,7 +67,7 @@ def run_case(case: Case, options: Options, progress: Progress, measured: Measure
             count += 1
             progress.show(f'{case.name} {count}/{total}: {run.label.strip()}')
             outcome = missing.get(run.key) or measured(run)
-            if outcome.status is Status.MISSING:
+            if outcome.status is RunStatus.MISSING:
                 missing[run.key] = outcome
             outcomes.add(run.key, outcome)
             progress.done(run.seconds)

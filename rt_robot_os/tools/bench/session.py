@@ -29,23 +29,23 @@ from typing import Any
 from rt_robot_os.tools.bench import machine
 from rt_robot_os.tools.bench import plot_drawing
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.json_report import document
 from rt_robot_os.tools.bench.json_report import write_json
 from rt_robot_os.tools.bench.json_report import write_samples
 from rt_robot_os.tools.bench.machine_state import LOOP
-from rt_robot_os.tools.bench.options import Request
+from rt_robot_os.tools.bench.options import BenchRequest
 from rt_robot_os.tools.bench.output import DOCUMENT_FILE
 from rt_robot_os.tools.bench.output import PAGE_FILE
 from rt_robot_os.tools.bench.output import write_results
 from rt_robot_os.tools.bench.processes import alone
 from rt_robot_os.tools.bench.processes import lock_path
 from rt_robot_os.tools.bench.progress import duration
-from rt_robot_os.tools.bench.progress import Progress
+from rt_robot_os.tools.bench.progress import ProgressLine
 from rt_robot_os.tools.bench.result import CaseResult
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.runner import expected_seconds
 from rt_robot_os.tools.bench.runner import Measure
 from rt_robot_os.tools.bench.runner import run_case
@@ -57,7 +57,7 @@ _PATHS = ('--json', '--out', '--data', '--expected')
 _PROBE = Run('probe', 'privileges', 'rt_robot_os.tools.bench.harness:prepare', {}, 1.0)
 
 
-class Session:
+class BenchSession:
     """
     What is measured in one call.
 
@@ -65,11 +65,11 @@ class Session:
     :ivar failed: a run went wrong.
     """
 
-    def __init__(self, request: Request, measured: Measure, argv: Sequence[str]) -> None:
+    def __init__(self, request: BenchRequest, measured: Measure, argv: Sequence[str]) -> None:
         self._request = request
         self._measured = measured
         self._expected_s = sum(expected_seconds(case, request.options) for case in request.cases)
-        self._progress = Progress(sys.stderr, self._expected_s)
+        self._progress = ProgressLine(sys.stderr, self._expected_s)
         self._realtime: dict[str, str] = {}
         self._paces: list[float] = []
         self.results: list[CaseResult] = []
@@ -118,12 +118,12 @@ class Session:
         known = [outcome for key in outcomes.runs for outcome in outcomes.all(key)]
         self._note_realtime(known)
         self._paces += [o.figures[LOOP] for o in known if LOOP in o.figures]
-        self.failed = self.failed or any(o.status is Status.FAILED for o in known)
+        self.failed = self.failed or any(o.status is RunStatus.FAILED for o in known)
         result = case.evaluate(self._request.options, outcomes)
         self.results.append(result)
         print('\n' + '\n'.join(case_lines(result, terminal_width())), flush=True)
 
-    def _note_realtime(self, outcomes: Sequence[Outcome]) -> None:
+    def _note_realtime(self, outcomes: Sequence[RunOutcome]) -> None:
         """Say once what Linux grants to the measured processes, and what it refuses."""
         granted = []
         for step, in_force, reason in (step for o in outcomes for step in o.realtime):

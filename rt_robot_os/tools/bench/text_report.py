@@ -28,7 +28,7 @@ from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Requirement
 from rt_robot_os.tools.bench.result import Row
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.result import TargetVerdict
@@ -103,14 +103,14 @@ def _part_lines(rows: Sequence[Row], columns: Sequence[Column], label_width: int
                 ) -> Iterator[str]:
     cells = [[cell(row.metrics.get(column.key), column) for column in columns] for row in rows]
     widths = [max([len(column.title)] + [len(line[i]) for row, line in zip(rows, cells)
-                                         if row.status is Status.OK])
+                                         if row.status is RunStatus.OK])
               for i, column in enumerate(columns)]
     groups = _groups(columns, widths)
     yield ' ' * label_width + groups
     yield _join(' ' * label_width, [column.title for column in columns], widths)
     given: set[str] = set()
     for row, line_cells in zip(rows, cells):
-        if row.status is Status.OK:
+        if row.status is RunStatus.OK:
             yield _join(row.label.ljust(label_width), line_cells, widths)
         else:
             yield from _not_measured(row, label_width, given, width)
@@ -143,7 +143,7 @@ def absence(row: Row, given: set[str]) -> str:
 
     :param given: reasons that the table has given already; they are not repeated.
     """
-    what = 'not available' if row.status is Status.MISSING else 'failed'
+    what = 'not available' if row.status is RunStatus.MISSING else 'failed'
     known = row.reason in given
     given.add(row.reason)
     return f'{what}, as above' if known else f'{what}: {row.reason}'

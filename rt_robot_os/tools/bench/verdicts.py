@@ -21,9 +21,9 @@ from collections.abc import Sequence
 
 from rt_robot_os.tools.bench.blocks import Block
 from rt_robot_os.tools.bench.blocks import Bullets
-from rt_robot_os.tools.bench.blocks import Grid
 from rt_robot_os.tools.bench.blocks import Heading
 from rt_robot_os.tools.bench.blocks import Paragraph
+from rt_robot_os.tools.bench.blocks import TableBlock
 from rt_robot_os.tools.bench.machine_state import NOTHING
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Target
@@ -56,7 +56,7 @@ def verdicts(results: Sequence[CaseResult]) -> Iterator[Block]:
         'target', 'case', 'limit', 'measured', 'range', 'paper', 'verdict')
     if not any(row[4] for row in rows):  # there was one repeat
         headings, rows = headings[:4] + headings[5:], [row[:4] + row[5:] for row in rows]
-    yield Grid(headings, rows, [_KINDS[target.verdict] for _, target in targets], 2)
+    yield TableBlock(headings, rows, [_KINDS[target.verdict] for _, target in targets], 2)
     yield from _missed(targets)
 
 

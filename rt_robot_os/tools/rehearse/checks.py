@@ -24,9 +24,9 @@ from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.messages.alarm_state import CLOSED_STATES
+from rt_robot_os.tools.rehearse.scenario import CareScenario
 from rt_robot_os.tools.rehearse.scenario import EMERGENCIES
 from rt_robot_os.tools.rehearse.scenario import Occurrence
-from rt_robot_os.tools.rehearse.scenario import Scenario
 from rt_robot_os.tools.rehearse.scenario_run import is_settled
 from rt_robot_os.tools.rehearse.scenario_run import RunRecord
 
@@ -62,7 +62,7 @@ class CheckResult(NamedTuple):
     gave_up: tuple[str, ...]
 
 
-def check(scenario: Scenario, record: RunRecord) -> CheckResult:
+def check(scenario: CareScenario, record: RunRecord) -> CheckResult:
     """Check a run of a scenario."""
     alarms = record.alarms()
     ends = {number: _end(events) for number, events in alarms.items()}
@@ -118,7 +118,7 @@ def _is_noticed(emergency: Occurrence, events: Iterable[dict[str, Any]]) -> bool
         bool(alarmed) and alarmed[-1]['state'] not in CLOSED_STATES)
 
 
-def _is_hidden(emergency: Occurrence, scenario: Scenario) -> bool:
+def _is_hidden(emergency: Occurrence, scenario: CareScenario) -> bool:
     """Return whether a fault hid it when it happened, or right after."""
     until_s = emergency.at_s + _NOTICED_S[emergency.what] + _AROUND_S
     hiding = _HIDING.get(emergency.what, _HIDING_NODES)

@@ -45,8 +45,8 @@ from rt_robot_os.tools.rehearse.detectable import detectable_emergencies
 from rt_robot_os.tools.rehearse.detectable import nodes_of
 from rt_robot_os.tools.rehearse.options import add_settings
 from rt_robot_os.tools.rehearse.options import settings_of
+from rt_robot_os.tools.rehearse.scenario import CareScenario
 from rt_robot_os.tools.rehearse.scenario import random_scenario
-from rt_robot_os.tools.rehearse.scenario import Scenario
 from rt_robot_os.tools.rehearse.scenario_run import RunRecord
 from rt_robot_os.tools.rehearse.scenario_run import ScenarioRun
 
@@ -93,12 +93,12 @@ def run(arguments: argparse.Namespace) -> int:
     return FAILED if found['problems'] else OK
 
 
-def _scenario(settings: RobotSettings, seed: int) -> Scenario:
+def _scenario(settings: RobotSettings, seed: int) -> CareScenario:
     world = World(settings.world)
     return random_scenario(seed, detectable_emergencies(settings, world), nodes_of(world))
 
 
-class Outcome(NamedTuple):
+class ScenarioOutcome(NamedTuple):
     """
     A scenario that was run and checked.
 
@@ -112,7 +112,7 @@ class Outcome(NamedTuple):
     edges: Mapping[str, int] = {}
 
 
-def _run_checked(settings: str, seed: int) -> Outcome:
+def _run_checked(settings: str, seed: int) -> ScenarioOutcome:
     """
     Run a scenario and check it.
 
@@ -123,9 +123,9 @@ def _run_checked(settings: str, seed: int) -> Outcome:
     try:
         record = ScenarioRun(robot, scenario).run()
     except AssertionError as error:
-        return Outcome(CheckResult(seed, {}, (str(error),), 0, 0, ()))
+        return ScenarioOutcome(CheckResult(seed, {}, (str(error),), 0, 0, ()))
     edges = Counter(name_of(edge) for edge in edges_taken(record.transitions))
-    return Outcome(check(scenario, record), record.lasted_s, edges)
+    return ScenarioOutcome(check(scenario, record), record.lasted_s, edges)
 
 
 @cache
@@ -133,7 +133,7 @@ def _robot(settings: str) -> RobotSettings:
     return from_json(settings)
 
 
-def _summary(outcomes: list[Outcome], begin_s: float) -> dict[str, Any]:
+def _summary(outcomes: list[ScenarioOutcome], begin_s: float) -> dict[str, Any]:
     results = [each.result for each in outcomes]
     edges: Counter[str] = Counter()
     for each in outcomes:
@@ -169,7 +169,7 @@ def _print(found: dict[str, Any]) -> None:
                                          if problems else ''))
 
 
-def _show(settings: RobotSettings, scenario: Scenario) -> int:
+def _show(settings: RobotSettings, scenario: CareScenario) -> int:
     """Print everything that happens in one scenario."""
     record = ScenarioRun(settings, scenario).run()
     for at_s, line in sorted(_lines(scenario, record), key=lambda each: each[0]):
@@ -179,7 +179,7 @@ def _show(settings: RobotSettings, scenario: Scenario) -> int:
     return FAILED if result.problems else OK
 
 
-def _lines(scenario: Scenario, record: RunRecord) -> Iterator[tuple[float, str]]:
+def _lines(scenario: CareScenario, record: RunRecord) -> Iterator[tuple[float, str]]:
     for each in scenario.occurrences:
         lasts = f' for {each.for_s:.0f} s' if each.for_s else ''
         yield each.at_s, f'* {each.what} {each.who}{lasts} {each.answer}'.rstrip()

@@ -25,7 +25,7 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.features.alarms.scenarios.journal_process import JournalProcess
-from rt_robot_os.sim.scenarios.timeline import Timeline
+from rt_robot_os.sim.scenarios.timeline import VirtualTimeline
 from rt_robot_os.tools.rehearse.fixture import CoreFixture
 from rt_robot_os.tools.rehearse.topics import publish_text
 from rt_robot_os.tools.rehearse.topics import received
@@ -46,7 +46,7 @@ class JournalDevice:
         self.full = False
         self._random = random
         self._store = MemoryStore()
-        self._timeline = Timeline()
+        self._timeline = VirtualTimeline()
         self._process: JournalProcess | None = None
 
     def attach(self, fixture: CoreFixture) -> None:

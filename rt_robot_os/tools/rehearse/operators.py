@@ -30,7 +30,7 @@ from rt_robot_os.features.alarms.scenarios.notifier_process import Recipient
 from rt_robot_os.messages.notification import DeliveryReport
 from rt_robot_os.messages.notification import Notification
 from rt_robot_os.sim.scenarios.timeline import seconds
-from rt_robot_os.sim.scenarios.timeline import Timeline
+from rt_robot_os.sim.scenarios.timeline import VirtualTimeline
 from rt_robot_os.tools.rehearse.fixture import CoreFixture
 from rt_robot_os.tools.rehearse.scenario import CALLERS
 from rt_robot_os.tools.rehearse.scenario import CaregiverProfile
@@ -65,7 +65,7 @@ class NotifierAndCaregiver:
     def __init__(self, profile: CaregiverProfile, random: Random) -> None:
         self.failing = False
         self._profile = profile
-        self._timeline = Timeline()
+        self._timeline = VirtualTimeline()
         self._recipients = _Recipients()
         self._notifier = NotifierProcess(self._timeline, random, MemoryStore(), self._recipients,
                                          self._report, self._read)
@@ -121,7 +121,7 @@ class NotifierAndCaregiver:
         publish_text(self._commands, text, self._timeline.now_ns)
 
 
-class Operator:
+class SimulatedOperator:
     """
     Simulates an operator, and another program that publishes calls.
 

@@ -81,7 +81,7 @@ class CaregiverProfile(NamedTuple):
     ends_after_s: float
 
 
-class Scenario(NamedTuple):
+class CareScenario(NamedTuple):
     """
     One scenario.
 
@@ -102,7 +102,7 @@ class Scenario(NamedTuple):
 
 
 def random_scenario(seed: int, emergencies: Sequence[tuple[str, str]], nodes: Sequence[str]
-                    ) -> Scenario:
+                    ) -> CareScenario:
     """
     Draw a scenario.
 
@@ -122,7 +122,7 @@ def random_scenario(seed: int, emergencies: Sequence[tuple[str, str]], nodes: Se
     never = random.random() < 0.15
     caregiver = CaregiverProfile(float('inf') if never else random.uniform(5.0, 240.0),
                                  random.uniform(20.0, 120.0))
-    return Scenario(seed, tuple(sorted(found)), caregiver)
+    return CareScenario(seed, tuple(sorted(found)), caregiver)
 
 
 def _emergency(random: Random, what: str, who: str) -> Occurrence:
@@ -155,7 +155,7 @@ def _fault(random: Random, what: str, begins_s: float, nodes: Sequence[str],
 
 
 def quiet_scenario(seed: int, hours: float, people: Sequence[str], nodes: Sequence[str]
-                   ) -> Scenario:
+                   ) -> CareScenario:
     """
     Draw quiet hours: people sit, sleep and walk; nodes, channels and the core fail at times.
 
@@ -182,4 +182,4 @@ def quiet_scenario(seed: int, hours: float, people: Sequence[str], nodes: Sequen
             lasts_s = random.uniform(1.0, 20.0 if what == 'core_killed' else 900.0)
             found.append(Occurrence(at_s, what, who, lasts_s))
             at_s += lasts_s + random.expovariate(1.0 / each_s)
-    return Scenario(seed, tuple(sorted(found)), CaregiverProfile(60.0, 60.0))
+    return CareScenario(seed, tuple(sorted(found)), CaregiverProfile(60.0, 60.0))

@@ -28,7 +28,7 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.settings import RobotSettings
 from rt_robot_os.sim.scenarios.faults import FaultInjector
-from rt_robot_os.sim.scenarios.timeline import Timeline
+from rt_robot_os.sim.scenarios.timeline import VirtualTimeline
 from rt_robot_os.sim.world import World
 from rt_robot_os.sim.world.posture import Posture
 from rt_robot_os.tools.rehearse.fixture import CoreFixture
@@ -36,9 +36,9 @@ from rt_robot_os.tools.rehearse.fixture import STEP_NS
 from rt_robot_os.tools.rehearse.journal_device import JournalDevice
 from rt_robot_os.tools.rehearse.operators import CAREGIVER
 from rt_robot_os.tools.rehearse.operators import NotifierAndCaregiver
-from rt_robot_os.tools.rehearse.operators import Operator
+from rt_robot_os.tools.rehearse.operators import SimulatedOperator
+from rt_robot_os.tools.rehearse.scenario import CareScenario
 from rt_robot_os.tools.rehearse.scenario import Occurrence
-from rt_robot_os.tools.rehearse.scenario import Scenario
 from rt_robot_os.tools.rehearse.simulated_network import SimulatedNetwork
 from rt_robot_os.tools.rehearse.simulated_robot import SimulatedRobot
 from rt_robot_os.tools.rehearse.simulated_sensors import CameraAndMicrophone
@@ -136,8 +136,8 @@ class ScenarioRun:
     :ivar record: what happened.
     """
 
-    def __init__(self, settings: RobotSettings, scenario: Scenario, longest_s: float = LONGEST_S
-                 ) -> None:
+    def __init__(self, settings: RobotSettings, scenario: CareScenario,
+                 longest_s: float = LONGEST_S) -> None:
         self._settings = settings
         self._longest_s = longest_s
         self._scenario = scenario
@@ -149,7 +149,7 @@ class ScenarioRun:
         self.journal = JournalDevice(random)
         self.notifier = NotifierAndCaregiver(scenario.caregiver, random)
         self.sensors = CameraAndMicrophone(self.world)
-        self.operator = Operator(self.robot)
+        self.operator = SimulatedOperator(self.robot)
         self._switches: Mapping[str, tuple[object, str]] = {
             'path_blocked': (self.robot, 'blocked'), 'lost_position': (self.robot, 'lost'),
             'estop': (self.robot, 'estop'), 'battery_low': (self.robot, 'battery_low'),
@@ -159,7 +159,7 @@ class ScenarioRun:
             'channel_fails': (self.notifier, 'failing'), 'disk_full': (self.journal, 'full'),
             'sink_silent': (self.network, 'silent')}
         self.record = RunRecord()
-        self._timeline = Timeline()
+        self._timeline = VirtualTimeline()
         self._injector = FaultInjector(self._timeline, random)
         self._crash_at_s: list[tuple[float, float]] = []
         self._seen_events = 0

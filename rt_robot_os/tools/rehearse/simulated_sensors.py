@@ -23,7 +23,7 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.sim.scenarios.timeline import seconds
-from rt_robot_os.sim.scenarios.timeline import Timeline
+from rt_robot_os.sim.scenarios.timeline import VirtualTimeline
 from rt_robot_os.sim.world import World
 from rt_robot_os.tools.rehearse.fixture import CoreFixture
 from rt_robot_os.tools.rehearse.topics import publish_text
@@ -47,7 +47,7 @@ class CameraAndMicrophone:
     def __init__(self, world: World) -> None:
         self.failing = self.noise = False
         self._world = world
-        self._timeline = Timeline()
+        self._timeline = VirtualTimeline()
 
     def attach(self, fixture: CoreFixture) -> None:
         """Find the topics; a new core has ordered nothing."""

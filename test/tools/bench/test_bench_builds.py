@@ -32,27 +32,28 @@ from rt_robot_os.base.compiled import State
 from rt_robot_os.base.compiled import SWITCH
 from rt_robot_os.tools.bench import builds
 from rt_robot_os.tools.bench import processes
-from rt_robot_os.tools.bench.blocks import Grid
+from rt_robot_os.tools.bench.blocks import TableBlock
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import COMPILED
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import PURE
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.child import _work
 from rt_robot_os.tools.bench.processes import measure
 from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.report import _case
 from rt_robot_os.tools.bench.result import CaseResult
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 from rt_robot_os.tools.bench.text_report import case_lines
 
 ROOT = Path(__file__).resolve().parents[3]
-OPTIONS = Options(0.5, 2, quick=True)
+OPTIONS = BenchOptions(0.5, 2, quick=True)
 _FLOORS = ('floor', 'wakes', 'wake', 'row', 'plain')
-WITHOUT = Outcome(Status.MISSING, 'pure Python: it was not compiled; with a compiler it would be')
+WITHOUT = RunOutcome(
+    RunStatus.MISSING, 'pure Python: it was not compiled; with a compiler it would be')
 
 
 def test_a_build_is_chosen_by_the_environment_and_else_left_to_the_user() -> None:
@@ -70,7 +71,8 @@ def test_a_child_without_the_compiled_build_says_why_and_measures_nothing(
                 'build': build}
 
     monkeypatch.setattr(builds, 'state', lambda: State(False, 'pure Python: not compiled'))
-    assert _work(job(COMPILED), tmp_path) == Outcome(Status.MISSING, 'pure Python: not compiled')
+    assert _work(job(COMPILED), tmp_path) == RunOutcome(
+        RunStatus.MISSING, 'pure Python: not compiled')
     # The other build would have been measured.
     assert 'no' in _work(job(PURE), tmp_path).reason != 'pure Python: not compiled'
     monkeypatch.setattr(builds, 'state', lambda: State(True, 'compiled'))
@@ -81,20 +83,21 @@ def test_a_child_without_the_compiled_build_says_why_and_measures_nothing(
 def test_a_real_child_gets_its_build_and_tells_which_it_ran(
         build: str, switch: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / 'asking.py').write_text(
-        'import os\nfrom rt_robot_os.tools.bench.harness import Measured\n\n\ndef work(harness):\n'
-        f'    assert os.environ.get("{SWITCH}", "unset") == "{switch}"\n    return Measured()\n')
+        'import os\nfrom rt_robot_os.tools.bench.harness import Measurement\n\n\n'
+        f'def work(harness):\n    assert os.environ.get("{SWITCH}", "unset") == "{switch}"\n'
+        '    return Measurement()\n')
     monkeypatch.setattr(processes, 'lock_path', lambda: tmp_path / 'lock')
     monkeypatch.setenv('PYTHONPATH', os.pathsep.join((str(tmp_path), str(ROOT))))
     monkeypatch.setenv(SWITCH, '0')
     outcome = measure(Run('x', 'x', 'asking:work', {}, 1.0, UNPINNED, 0, build=build))
-    if build == COMPILED and outcome.status is Status.MISSING:
+    if build == COMPILED and outcome.status is RunStatus.MISSING:
         assert outcome.reason.startswith('pure Python: ') and '\n' not in outcome.reason
         return
-    assert outcome.status is Status.OK, outcome.reason
+    assert outcome.status is RunStatus.OK, outcome.reason
     assert outcome.figures[builds.FIGURE] == float(build == COMPILED)
 
 
-def _ps(run: Run, factor: int) -> Outcome:
+def _ps(run: Run, factor: int) -> RunOutcome:
     """Make up samples of every name that the runs of these cases have."""
     names = ('publish 64', 'publish+take 64', 'publish to task 64', 'publish 2048',
              'publish+take 2048', 'field set', 'field get', 'pack ten', 'unpack ten', 'log three',
@@ -109,24 +112,24 @@ def _ps(run: Run, factor: int) -> Outcome:
         figures |= {f'reached_hz {key}': 200.0 / factor, f'missed {key}': 100.0 * (factor - 1),
                     f'job_us {key}': 3.0 * factor, f'looked_us {key}': 0.0,
                     f'cpu_percent {key}': 30.0 * factor}
-    return Outcome(Status.OK, '', samples, {'due': 200, **figures})
+    return RunOutcome(RunStatus.OK, '', samples, {'due': 200, **figures})
 
 
-def _evaluate(name: str, measured: Callable[[Run], Outcome]) -> CaseResult:
+def _evaluate(name: str, measured: Callable[[Run], RunOutcome]) -> CaseResult:
     case = CASES[name]
     outcomes = Outcomes(case.plan(OPTIONS))
     for key, run in outcomes.runs.items():
         for _ in range(OPTIONS.repeats):
             outcomes.add(key, measured(run) if run.build or key in _FLOORS
-                         else Outcome(Status.MISSING, 'left out'))
+                         else RunOutcome(RunStatus.MISSING, 'left out'))
     return case.evaluate(OPTIONS, outcomes)
 
 
-def _both(run: Run) -> Outcome:
+def _both(run: Run) -> RunOutcome:
     return _ps(run, 8 if run.build == PURE else 1)
 
 
-def _only_pure(run: Run) -> Outcome:
+def _only_pure(run: Run) -> RunOutcome:
     return WITHOUT if run.build == COMPILED else _ps(run, 2)
 
 
@@ -139,7 +142,7 @@ def test_every_measurement_of_a_build_has_a_row_for_each(name: str) -> None:
         assert [row.label.rpartition(',')[0] for row in compiled] == [
             row.label.rpartition(',')[0] for row in pure]
         assert len(compiled) > 3
-        assert all(row.status is Status.OK for row in pure)
+        assert all(row.status is RunStatus.OK for row in pure)
 
 
 @pytest.mark.parametrize('name', ['micro', 'delay', 'spacing'])
@@ -161,7 +164,7 @@ def test_without_a_compiled_build_the_reason_is_told_once_and_nothing_is_missed_
     said = '\n'.join(case_lines(case))
     assert said.count('pure Python: it was not compiled') == len(case.tables) - (name == 'delay')
     assert 'not available, as above' in said
-    for grid in (block for block in _case(case) if isinstance(block, Grid)):
+    for grid in (block for block in _case(case) if isinstance(block, TableBlock)):
         reasons = [row[-1] for row in grid.rows if 'not compiled' in row[-1]]
         assert len(reasons) <= 1
 

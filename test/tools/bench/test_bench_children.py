@@ -31,17 +31,17 @@ from processes import wait_until
 import pytest
 
 from rt_robot_os.tools.bench import processes
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.helper import load_function
 from rt_robot_os.tools.bench.processes import alone
 from rt_robot_os.tools.bench.processes import free_domain
 from rt_robot_os.tools.bench.processes import measure
 from rt_robot_os.tools.bench.registry import CASES
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 
 ROOT = Path(__file__).resolve().parents[3]
 HAS_ROS = importlib.util.find_spec('rclpy') is not None
@@ -62,12 +62,12 @@ def _gentle(one: Run, **arguments: object) -> Run:
 
 
 def _first(name: str, key: str) -> Run:
-    return next(one for one in CASES[name].plan(Options(0.1, 1)) if one.key == key)
+    return next(one for one in CASES[name].plan(BenchOptions(0.1, 1)) if one.key == key)
 
 
 @pytest.mark.parametrize('name', sorted(CASES))
 def test_every_worker_that_a_case_names_exists(name: str) -> None:
-    for one in CASES[name].plan(Options(1.0, 1, full=True)):
+    for one in CASES[name].plan(BenchOptions(1.0, 1, full=True)):
         if HAS_ROS or '.peers.' not in one.subject:
             assert callable(load_function(one.subject))
 
@@ -75,7 +75,7 @@ def test_every_worker_that_a_case_names_exists(name: str) -> None:
 @pytest.mark.parametrize('key', ['kernel', 'floor none', 'floor same'])
 def test_the_samples_of_the_preemption_case_can_be_evaluated(key: str) -> None:
     outcome = measure(_gentle(_first('preemption', key), warmup_ns=20_000_000))
-    assert outcome.status is Status.OK, outcome.reason
+    assert outcome.status is RunStatus.OK, outcome.reason
     assert outcome.figures['measure_ns'] == 100_000_000
     starts = outcome.samples['starts']
     assert len(starts) > 1
@@ -90,7 +90,7 @@ def test_rclpy_is_measured_in_a_domain_of_its_own(monkeypatch: pytest.MonkeyPatc
     assert 1 <= int(environment['ROS_DOMAIN_ID']) <= 101
     assert environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
     outcome = measure(_gentle(_first('preemption', 'events'), warmup_ns=20_000_000))
-    assert outcome.status is Status.OK, outcome.reason
+    assert outcome.status is RunStatus.OK, outcome.reason
     assert len(outcome.samples['starts']) > 1
 
 
@@ -99,7 +99,7 @@ def test_a_peer_that_is_not_installed_is_missing_and_no_failure(
     (tmp_path / 'rclpy.py').write_text('raise ModuleNotFoundError("no rclpy", name="rclpy")\n')
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ["PYTHONPATH"]}')
     outcome = measure(_gentle(_first('preemption', 'single')))
-    assert outcome.status is Status.MISSING
+    assert outcome.status is RunStatus.MISSING
     assert 'rclpy is not installed' in outcome.reason
 
 
@@ -111,7 +111,7 @@ def test_a_program_that_is_not_installed_is_missing_with_its_remedy(
         '    wakeup._PATH = "/nowhere"\n    return wakeup.cyclictest(harness)\n')
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ["PYTHONPATH"]}')
     outcome = measure(replace(_gentle(_first('wakeup', 'cyclictest')), subject='without:work'))
-    assert outcome.status is Status.MISSING
+    assert outcome.status is RunStatus.MISSING
     assert outcome.reason == 'cyclictest is not installed (remedy: apt-get install rt-tests)'
 
 
@@ -121,7 +121,7 @@ def test_an_older_peer_is_missing_and_told_apart_from_one_that_is_not_installed(
     (tmp_path / 'older.py').write_text('def work(harness):\n    from horus import Node\n')
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ["PYTHONPATH"]}')
     outcome = measure(Run('x', 'x', 'older:work', {}, 1.0))
-    assert outcome.status is Status.MISSING
+    assert outcome.status is RunStatus.MISSING
     assert outcome.reason.startswith('this version of horus has not got it')
 
 
@@ -130,23 +130,23 @@ def test_an_older_peer_is_missing_and_told_apart_from_one_that_is_not_installed(
     ('kernel', 'abort'), ('kernel', 'own'), ('throughput', 'rings'),
     ('overload', 'kernel'), ('overload', 'threads')])
 def test_short_real_runs_can_be_evaluated(name: str, key: str) -> None:
-    options = Options(0.1, 1, quick=True)
+    options = BenchOptions(0.1, 1, quick=True)
     runs = CASES[name].plan(options)
     outcomes = Outcomes(runs)
     for one in runs:
         outcomes.add(one.key, measure(_gentle(one, warmup_ns=20_000_000)) if one.key == key
-                     else Outcome(Status.MISSING, 'left out'))
-    assert outcomes.all(key)[0].status is Status.OK, outcomes.all(key)[0].reason
+                     else RunOutcome(RunStatus.MISSING, 'left out'))
+    assert outcomes.all(key)[0].status is RunStatus.OK, outcomes.all(key)[0].reason
     result = CASES[name].evaluate(options, outcomes)
     measured = [row for table in result.tables for row in table.rows
-                if row.status is Status.OK and not row.published]
+                if row.status is RunStatus.OK and not row.published]
     assert measured
     assert any(metric is not None for row in measured for metric in row.metrics.values())
 
 
 def test_a_worker_that_does_not_exist_has_failed_and_says_so() -> None:
     outcome = measure(Run('x', 'x', 'rt_robot_os.tools.bench.cases.none:nothing', {}, 1.0))
-    assert outcome.status is Status.FAILED
+    assert outcome.status is RunStatus.FAILED
     assert 'rt_robot_os.tools.bench.cases.none' in outcome.reason
 
 
@@ -156,7 +156,7 @@ def test_a_child_that_crashes_gives_its_code_and_its_last_words(
         'import os\n\ndef work(harness):\n    print("last words", flush=True)\n    os.abort()\n')
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{os.environ["PYTHONPATH"]}')
     outcome = measure(Run('x', 'x', 'crashing:work', {}, 1.0))
-    assert outcome == Outcome(Status.FAILED, 'ended with code -6: last words')
+    assert outcome == RunOutcome(RunStatus.FAILED, 'ended with code -6: last words')
 
 
 def test_a_child_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,7 +169,7 @@ def test_a_child_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(processes, '_LOOK_S', 0.1)
     monkeypatch.setattr(processes, '_END_S', 0.1)
     outcome = measure(Run('x', 'x', 'hanging:work', {}, 0.5))
-    assert outcome.status is Status.FAILED
+    assert outcome.status is RunStatus.FAILED
     assert 'did not end within 1 s' in outcome.reason
 
 

@@ -22,20 +22,20 @@ from typing import Any
 
 import pytest
 
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases.kernel import subjects as kernel
 from rt_robot_os.tools.bench.cases.overload import case as overload
-from rt_robot_os.tools.bench.cases.overload.subjects import Crowd
+from rt_robot_os.tools.bench.cases.overload.subjects import OverloadCallbacks
 from rt_robot_os.tools.bench.cases.preemption import subjects as preemption
 from rt_robot_os.tools.bench.cases.spacing import floor as spacing_floor
 from rt_robot_os.tools.bench.cases.stability import subjects as stability
 from rt_robot_os.tools.bench.cases.wakeup import subjects as wakeup
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 from rt_robot_os.tools.bench.subjects import plain_loop as floors
-from rt_robot_os.tools.bench.subjects.plain_loop import Group
+from rt_robot_os.tools.bench.subjects.plain_loop import LoopGroup
 from rt_robot_os.tools.bench.subjects.plain_loop import plain_loop
 
 US, MS = 1_000, 1_000_000
@@ -81,8 +81,8 @@ def _noting(clock: Clock, name: str, calls: list[tuple[str, int]], takes_ns: int
 
 def test_a_plain_loop_calls_each_group_at_its_rate_and_the_first_first(clock: Clock) -> None:
     calls: list[tuple[str, int]] = []
-    plain_loop([Group(500 * US, [_noting(clock, 'fast', calls)]),
-                Group(MS, [_noting(clock, 'a', calls), _noting(clock, 'b', calls)])], MS, 3 * MS)
+    plain_loop([LoopGroup(500 * US, [_noting(clock, 'fast', calls)]),
+                LoopGroup(MS, [_noting(clock, name, calls) for name in 'ab'])], MS, 3 * MS)
     assert calls == [('fast', 1000), ('a', 1000), ('b', 1000), ('fast', 1500),
                      ('fast', 2000), ('a', 2000), ('b', 2000), ('fast', 2500)]
 
@@ -96,7 +96,7 @@ def test_what_it_is_too_late_for_is_left_out_and_counted_and_the_grid_is_kept(cl
         calls.append(('x', clock.now_ns // US))
         clock.now_ns += takes_ns.pop(0)
 
-    group = Group(MS, [job])
+    group = LoopGroup(MS, [job])
     plain_loop([group], 0, 6 * MS)
     assert [moment for _, moment in calls] == [0, 4000, 5000]
     assert group.missed == 3
@@ -154,7 +154,8 @@ def test_callbacks_that_are_called_after_the_end_do_not_count(
     monkeypatch.setattr('rt_robot_os.tools.bench.cases.overload.subjects.time',
                         SimpleNamespace(monotonic_ns=lambda: next(moments)))
     ended: list[int] = []
-    crowd = Crowd({'work_ns': 0, 'measure_ns': 100 * MS, 'longer_ns': {'1000': 1000 * MS}}, 1000)
+    crowd = OverloadCallbacks({
+        'work_ns': 0, 'measure_ns': 100 * MS, 'longer_ns': {'1000': 1000 * MS}}, 1000)
     crowd.over = lambda: ended.append(1)
     for _ in range(5):
         crowd.jobs[0]()
@@ -162,11 +163,11 @@ def test_callbacks_that_are_called_after_the_end_do_not_count(
 
 
 def test_overload_is_judged_by_threads_of_the_same_run() -> None:
-    options = Options(1.0, 1, quick=True)
+    options = BenchOptions(1.0, 1, quick=True)
     for served, verdict in ((90.0, TargetVerdict.REACHED), (85.0, TargetVerdict.MISSED)):
         outcomes = Outcomes(overload.CASE.plan(options))
         for key, percent in (('kernel', served), ('threads', 91.0)):
-            outcomes.add(key, Outcome(Status.OK, '', {}, {
+            outcomes.add(key, RunOutcome(RunStatus.OK, '', {}, {
                 f'served {load} {number}': percent for load in overload.LOADS
                 for number in range(overload.TASKS)} | {
                 f'jobs {load}': 1.0 for load in overload.LOADS}))

@@ -21,14 +21,14 @@ from pathlib import Path
 import pytest
 
 from rt_robot_os.tools.bench.command import run
+from rt_robot_os.tools.bench.options import BenchRequest
 from rt_robot_os.tools.bench.options import parse
-from rt_robot_os.tools.bench.options import Request
 from rt_robot_os.tools.bench.processes import alone
 from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.runner import expected_seconds
 
 
-def _parse(*argv: str) -> Request:
+def _parse(*argv: str) -> BenchRequest:
     return parse(argv, CASES)
 
 

@@ -18,19 +18,19 @@ from __future__ import annotations
 
 import pytest
 
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases.common import disturbances
 from rt_robot_os.tools.bench.machine_state import LOOP
 from rt_robot_os.tools.bench.machine_state import MachineState
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 
 
 def outcomes_with(*paces: tuple[str, float]) -> Outcomes:
     made = Outcomes([Run(key, key, 'a:b', {}, 1.0) for key in dict.fromkeys(k for k, _ in paces)])
     for key, pace in paces:
-        made.add(key, Outcome(Status.OK, '', {}, {LOOP: pace, 'env waited_ms': 0.0}, []))
+        made.add(key, RunOutcome(RunStatus.OK, '', {}, {LOOP: pace, 'env waited_ms': 0.0}, []))
     return made
 
 

@@ -29,45 +29,45 @@ import pytest
 from rt_robot_os.base.compiled import state
 from rt_robot_os.base.programs import run_program
 from rt_robot_os.base.requirements import Library
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases.preemption.case import BUSY_NS
 from rt_robot_os.tools.bench.cases.preemption.case import BUSY_PERIOD_NS
 from rt_robot_os.tools.bench.cases.preemption.case import PERIOD_NS
 from rt_robot_os.tools.bench.command import run
 from rt_robot_os.tools.bench.method import BY_HAND
-from rt_robot_os.tools.bench.progress import Progress
+from rt_robot_os.tools.bench.progress import ProgressLine
 from rt_robot_os.tools.bench.registry import CASES
 from rt_robot_os.tools.bench.result import CaseResult
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 from rt_robot_os.tools.bench.runner import run_case
 from rt_robot_os.tools.bench.text_report import case_lines
 from rt_robot_os.tools.bench.text_report import WIDTH
 
 PREEMPTION = {'preemption': CASES['preemption']}
-MISSING = Outcome(Status.MISSING, 'rclpy is not installed (No module named rclpy)')
+MISSING = RunOutcome(RunStatus.MISSING, 'rclpy is not installed (No module named rclpy)')
 GRANTED = (('CPU 1', True, ''), ('SCHED_FIFO priority 80', False, 'not permitted'))
 
 
-def _preemption(measured: Run) -> Outcome:
+def _preemption(measured: Run) -> RunOutcome:
     """Make up a run: ours and the floor late by 20 us, a peer by up to 20 ms."""
     if 'peers' in measured.subject or 'threads' in measured.subject:
         return MISSING
     late_ns = 20_000 if measured.key.startswith('floor') else 24_000
     starts = np.arange(-1, 2000) * PERIOD_NS + late_ns
     begins = np.arange(0, 20) * BUSY_PERIOD_NS
-    return Outcome(Status.OK, samples={
+    return RunOutcome(RunStatus.OK, samples={
         'starts': starts, 'middle_starts': starts[::5], 'busy_begins': begins,
         'busy_ends': begins + BUSY_NS},
         figures={'phase_ns': 0, 'begin_ns': 0, 'measure_ns': 2000 * PERIOD_NS}, realtime=GRANTED)
 
 
-def _quiet() -> Progress:
-    return Progress(io.StringIO(), 1.0)
+def _quiet() -> ProgressLine:
+    return ProgressLine(io.StringIO(), 1.0)
 
 
 def _run(*argv: str, measured: Any = _preemption, cases: Any = PREEMPTION) -> int:
@@ -88,7 +88,7 @@ def test_tables_verdicts_and_what_linux_refuses_are_shown(
 
 
 def test_a_missed_aim_is_shown_and_is_no_failure(capsys: pytest.CaptureFixture[str]) -> None:
-    def slow(measured: Run) -> Outcome:
+    def slow(measured: Run) -> RunOutcome:
         outcome = _preemption(measured)
         if measured.key == 'kernel':
             outcome.samples['starts'][:] += 100_000
@@ -209,9 +209,9 @@ def test_what_the_page_shows_to_compute_by_hand_is_what_the_table_says(
 
 
 def test_a_run_that_fails_is_told_and_makes_the_code_1(capsys: pytest.CaptureFixture[str]) -> None:
-    def failing(measured: Run) -> Outcome:
+    def failing(measured: Run) -> RunOutcome:
         if measured.key == 'kernel':
-            return Outcome(Status.FAILED, 'ended with code -11')
+            return RunOutcome(RunStatus.FAILED, 'ended with code -11')
         return _preemption(measured)
 
     assert _run('--quick', measured=failing) == 1
@@ -225,9 +225,9 @@ def test_ctrl_c_keeps_what_was_complete(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     second = Case('second', 'never done', CASES['preemption'].plan, CASES['preemption'].evaluate)
     calls = []
-    planned = len(CASES['preemption'].plan(Options(1.0, 1, quick=True)))
+    planned = len(CASES['preemption'].plan(BenchOptions(1.0, 1, quick=True)))
 
-    def measured(one: Run) -> Outcome:
+    def measured(one: Run) -> RunOutcome:
         calls.append(one.key)
         if len(calls) == planned + 3:  # the probe, the first case, and then some
             raise KeyboardInterrupt
@@ -244,7 +244,7 @@ def test_ctrl_c_keeps_what_was_complete(
 
 def test_ctrl_c_in_the_long_case_says_that_it_can_go_on(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    def measured(one: Run) -> Outcome:
+    def measured(one: Run) -> RunOutcome:
         if one.key == 'kernel':
             raise KeyboardInterrupt
         return MISSING
@@ -257,27 +257,27 @@ def test_ctrl_c_in_the_long_case_says_that_it_can_go_on(
 def test_runs_are_interleaved_and_the_order_turns_over() -> None:
     order: list[str] = []
 
-    def measured(one: Run) -> Outcome:
+    def measured(one: Run) -> RunOutcome:
         order.append(one.key)
-        return MISSING if one.key == 'b' else Outcome(Status.OK)
+        return MISSING if one.key == 'b' else RunOutcome(RunStatus.OK)
 
-    def plan(options: Options) -> list[Run]:
+    def plan(options: BenchOptions) -> list[Run]:
         return [Run(key, key, 'x:y', {}, 1.0) for key in 'abc']
 
-    def evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+    def evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
         return CaseResult('x', 'x', (), ())
 
-    outcomes = run_case(Case('x', 'x', plan, evaluate), Options(1.0, 3), _quiet(), measured)
+    outcomes = run_case(Case('x', 'x', plan, evaluate), BenchOptions(1.0, 3), _quiet(), measured)
     # What is missing is not looked for again.
     assert order == ['a', 'b', 'c', 'c', 'a', 'a', 'c']
     assert [len(outcomes.all(key)) for key in 'abc'] == [3, 3, 3]
 
 
 @pytest.mark.parametrize('name', sorted(CASES))
-@pytest.mark.parametrize('status', [Status.MISSING, Status.FAILED])
-def test_every_case_tells_that_nothing_could_be_measured(name: str, status: Status) -> None:
-    case, options = CASES[name], Options(0.1, 2, full=True)
-    outcomes = run_case(case, options, _quiet(), lambda one: Outcome(status, 'no such luck'))
+@pytest.mark.parametrize('status', [RunStatus.MISSING, RunStatus.FAILED])
+def test_every_case_tells_that_nothing_could_be_measured(name: str, status: RunStatus) -> None:
+    case, options = CASES[name], BenchOptions(0.1, 2, full=True)
+    outcomes = run_case(case, options, _quiet(), lambda one: RunOutcome(status, 'no such luck'))
     result = case.evaluate(options, outcomes)
     assert result.name == name
     assert result.targets and {each.verdict for each in result.targets} == {

@@ -27,8 +27,8 @@ import pytest
 
 from rt_robot_os.tools.bench.advice import requirements
 from rt_robot_os.tools.bench.blocks import Bullets
-from rt_robot_os.tools.bench.blocks import Grid
 from rt_robot_os.tools.bench.blocks import Paragraph
+from rt_robot_os.tools.bench.blocks import TableBlock
 from rt_robot_os.tools.bench.html_report import page
 from rt_robot_os.tools.bench.machine import describe
 from rt_robot_os.tools.bench.machine import warnings
@@ -41,7 +41,7 @@ from rt_robot_os.tools.bench.plot import tail
 from rt_robot_os.tools.bench.plot_drawing import styles
 from rt_robot_os.tools.bench.plot_drawing import svg
 from rt_robot_os.tools.bench.progress import duration
-from rt_robot_os.tools.bench.progress import Progress
+from rt_robot_os.tools.bench.progress import ProgressLine
 from rt_robot_os.tools.bench.report import _case
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Metric
@@ -123,7 +123,7 @@ def test_where_the_repeats_differ_a_need_says_so() -> None:
     assert (requirement.agrees('rt_robot_os'), requirement.agrees('threads')) == (False, True)
     result = CaseResult('x', 'x', (), (), requirements=(requirement,))
     grid = next(b for b in requirements([result])
-                if isinstance(b, Grid))
+                if isinstance(b, TableBlock))
     assert grid.rows == [('late by 1 ms', 'x', 'yes (?), 50.0 us', 'no, 5000 us',
                           'rt_robot_os (?)')]
     lines = '\n'.join(requirement_lines([requirement]))
@@ -198,8 +198,8 @@ def test_curves_are_told_apart_by_shape_too() -> None:
 
 
 def test_groups_stand_over_their_columns_or_before_each() -> None:
-    grid = Grid(('', 'p50', 'p99', 'of due'), [('a', '1', '2', '100')], ['ours'],
-                groups=(('', ''), ('latency', 'us'), ('latency', 'us'), ('calls', '%')))
+    grid = TableBlock(('', 'p50', 'p99', 'of due'), [('a', '1', '2', '100')], ['ours'],
+                      groups=(('', ''), ('latency', 'us'), ('latency', 'us'), ('calls', '%')))
     assert ('<th colspan="2"><span>latency, us</span></th><th colspan="1"><span>calls, %</span>'
             in page([grid]))
     assert markdown([grid], '').splitlines()[0] == (
@@ -207,9 +207,9 @@ def test_groups_stand_over_their_columns_or_before_each() -> None:
 
 
 def test_a_table_in_markdown_keeps_bars_and_indents() -> None:
-    said = markdown([Grid(('', 'p50, us'), [('a|b', '1.0'), ('  of which', '0.5'),
-                                            ('rclpy', 'not available: no')],
-                          ['', '', 'absent'])], 'images/')
+    said = markdown([TableBlock(('', 'p50, us'), [('a|b', '1.0'), ('  of which', '0.5'),
+                                                  ('rclpy', 'not available: no')],
+                                ['', '', 'absent'])], 'images/')
     assert said.splitlines() == [
         '|  | p50, us |', '|---|---:|', r'| a\|b | 1.0 |', '| &nbsp;&nbsp;of which | 0.5 |',
         '| rclpy | not available: no |']
@@ -217,7 +217,7 @@ def test_a_table_in_markdown_keeps_bars_and_indents() -> None:
 
 def test_the_bar_fills_and_goes_away() -> None:
     terminal = Terminal()
-    progress = Progress(terminal, 10.0)
+    progress = ProgressLine(terminal, 10.0)
     progress.show('first')
     progress.done(5.0)
     progress.show('second')
@@ -231,7 +231,7 @@ def test_the_bar_fills_and_goes_away() -> None:
 
 def test_without_a_terminal_there_is_no_bar() -> None:
     stream = io.StringIO()
-    Progress(stream, 10.0).show('first')
+    ProgressLine(stream, 10.0).show('first')
     assert stream.getvalue() == ''
 
 

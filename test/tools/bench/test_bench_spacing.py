@@ -22,21 +22,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import PURE
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases.spacing import subjects as spacing
 from rt_robot_os.tools.bench.cases.spacing.case import CASE
 from rt_robot_os.tools.bench.cases.spacing.case import SPACINGS_US
 from rt_robot_os.tools.bench.cases.spacing.subjects import tasks_at
 from rt_robot_os.tools.bench.result import CaseResult
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import TargetVerdict
 
 MS = 1_000_000
-OPTIONS = Options(1.0, 3)
+OPTIONS = BenchOptions(1.0, 3)
 
 
 def _harness(**arguments: Any) -> Any:
@@ -83,9 +83,9 @@ def _evaluate(missed: tuple[int, int, int], reached_hz: float = 200.0,
               plain_hz: float = 200.0) -> CaseResult:
     outcomes = Outcomes(CASE.plan(OPTIONS))
 
-    def measured(run: Run, repeat: int) -> Outcome:
+    def measured(run: Run, repeat: int) -> RunOutcome:
         factor = 2 if run.build == PURE else 1
-        return Outcome(Status.OK, '', {
+        return RunOutcome(RunStatus.OK, '', {
             str(ns): np.array([(1000 + ns // 10) * factor] * 4)
             for ns in run.arguments.get('spacings_ns', ())}, {
             f'{name} {key}': value for key in ('together', 'spread') for name, value in (

@@ -22,30 +22,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases.stability.case import CASE
 from rt_robot_os.tools.bench.cases.stability.motion import Filter
-from rt_robot_os.tools.bench.cases.stability.motion import Sensor
+from rt_robot_os.tools.bench.cases.stability.motion import ImuModel
 from rt_robot_os.tools.bench.cases.stability.motion import truth
 from rt_robot_os.tools.bench.cases.stability.subjects import COLUMNS
 from rt_robot_os.tools.bench.cases.stability.subjects import measured_s
 from rt_robot_os.tools.bench.cases.stability.subjects import Notes
 from rt_robot_os.tools.bench.cases.stability.subjects import read_csv
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 
 ROW = ','.join(['6.0', '1000.0', '400.0', '200.0', '20.0', '55.0', '0.05', '1', '30000', '0', '0',
                 '10', '0'])
 
 
-def _written(folder: Path, *lines: str) -> Options:
+def _written(folder: Path, *lines: str) -> BenchOptions:
     (folder / 'stability-kernel.csv').write_text('\n'.join((','.join(COLUMNS), *lines)))
-    return Options(1.0, 1, out=str(folder))
+    return BenchOptions(1.0, 1, out=str(folder))
 
 
 def test_the_filter_finds_the_attitude() -> None:
-    sensor, solver = Sensor(), Filter()
+    sensor, solver = ImuModel(), Filter()
     errors = []
     for i in range(4000):
         t = 100.0 + i / 1000
@@ -75,7 +75,7 @@ def test_what_an_interrupted_run_has_written_is_evaluated(tmp_path: Path) -> Non
     outcomes = CASE.partial(options)
     assert outcomes is not None
     assert len(outcomes.measured('kernel')[0].samples['time_s']) == 2
-    assert outcomes.all('events')[0].status is Status.MISSING
+    assert outcomes.all('events')[0].status is RunStatus.MISSING
     result = CASE.evaluate(options, outcomes)
     ours = next(row for row in result.tables[0].rows if row.label == 'rt_robot_os kernel')
     known = {key: metric.median for key, metric in ours.metrics.items() if metric is not None}
@@ -86,8 +86,8 @@ def test_what_an_interrupted_run_has_written_is_evaluated(tmp_path: Path) -> Non
 
 def test_without_rows_there_is_nothing_to_evaluate(tmp_path: Path) -> None:
     assert CASE.partial is not None
-    assert CASE.partial(Options(1.0, 1, out=str(tmp_path))) is None
-    assert CASE.partial(Options(1.0, 1)) is None
+    assert CASE.partial(BenchOptions(1.0, 1, out=str(tmp_path))) is None
+    assert CASE.partial(BenchOptions(1.0, 1)) is None
 
 
 def test_a_file_of_something_else_is_refused(tmp_path: Path) -> None:
@@ -111,11 +111,11 @@ def test_the_worst_row_counts(tmp_path: Path) -> None:
     (5.0, 0.0, 100 * 7 / (10_000 * 1.4))])
 def test_what_is_missed_while_the_host_has_the_cpu_is_not_the_kernels(
         waited_ms: float, stolen_ms: float, percent: float) -> None:
-    options = Options(1.0, 1)
+    options = BenchOptions(1.0, 1)
     outcomes = Outcomes(CASE.plan(options))
     samples = {name: np.zeros(2) for name in COLUMNS}
     samples |= {'time_s': np.array([5.0, 10.0]), 'missed': np.array([0.0, 14.0])}
-    outcomes.add('kernel', Outcome(Status.OK, '', samples, {
+    outcomes.add('kernel', RunOutcome(RunStatus.OK, '', samples, {
         'env waited_ms': waited_ms, 'env stolen_ms': stolen_ms, 'env switches': 0.0}))
     target = next(each for each in CASE.evaluate(options, outcomes).targets
                   if 'missed' in each.text)
@@ -124,7 +124,7 @@ def test_what_is_missed_while_the_host_has_the_cpu_is_not_the_kernels(
 
 def test_an_interrupted_run_goes_on_after_its_last_row(tmp_path: Path) -> None:
     options = replace(_written(tmp_path, ROW, '12.0,1000'), hours=0.01)
-    fresh = {run.key: run for run in CASE.plan(Options(1.0, 1, hours=0.01))}
+    fresh = {run.key: run for run in CASE.plan(BenchOptions(1.0, 1, hours=0.01))}
     runs = {run.key: run for run in CASE.plan(options)}
     assert runs['kernel'].arguments['from_s'] == 6.0
     assert runs['kernel'].arguments['measure_ns'] == 30 * 10**9

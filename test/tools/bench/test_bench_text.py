@@ -23,7 +23,7 @@ from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.result import Target
 from rt_robot_os.tools.bench.text_report import case_lines
@@ -57,8 +57,8 @@ def test_a_table_shows_medians_ranges_and_what_is_missing() -> None:
     lines = list(case_lines(_result(
         _row('ours', 21.0, 22.5, 30.0),
         Row('few samples', {'p50': Metric((1.5, 1.5)), 'p99': None, 'part': None}),
-        Row('theirs', status=Status.MISSING, reason='rclpy is not installed'),
-        Row('again', status=Status.MISSING, reason='rclpy is not installed'))))
+        Row('theirs', status=RunStatus.MISSING, reason='rclpy is not installed'),
+        Row('again', status=RunStatus.MISSING, reason='rclpy is not installed'))))
     assert lines == [
         '== tested: how it looks '.ljust(WIDTH, '='),
         '',
@@ -80,7 +80,7 @@ def test_the_range_is_left_out_when_there_was_one_repeat() -> None:
 
 def test_a_long_reason_stays_within_the_terminal() -> None:
     reason = 'RuntimeError: ' + 'a long story ' * 60
-    lines = list(case_lines(_result(Row('theirs', status=Status.FAILED, reason=reason))))
+    lines = list(case_lines(_result(Row('theirs', status=RunStatus.FAILED, reason=reason))))
     assert lines[4].startswith('theirs  failed: RuntimeError')
     assert max(len(line) for line in lines) <= WIDTH
 

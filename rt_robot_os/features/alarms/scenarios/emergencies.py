@@ -33,7 +33,7 @@ _LASTS_S: Final = (90.0, 400.0)
 
 
 @dataclass
-class Emergency:
+class InjectedEmergency:
     """
     An emergency of a person.
 
@@ -60,11 +60,11 @@ class Emergency:
         return self.acknowledged or (self.exhausted and self.seen)
 
 
-def random_emergency(random: Random, number: int) -> Emergency:
+def random_emergency(random: Random, number: int) -> InjectedEmergency:
     """Draw an emergency that some recipient is notified of; not always one who acknowledges."""
     kind, level = random.choice(_KINDS)
     helper = random.choice((*RECIPIENTS, ''))
     if level is Level.URGENT and helper == 'emergency':
         helper = 'family'  # the last step of what is urgent
-    return Emergency(f'p{number}', kind, level, round(random.uniform(*_LASTS_S) * NS_PER_S),
-                     helper)
+    lasts_ns = round(random.uniform(*_LASTS_S) * NS_PER_S)
+    return InjectedEmergency(f'p{number}', kind, level, lasts_ns, helper)

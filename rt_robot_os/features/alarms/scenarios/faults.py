@@ -31,7 +31,7 @@ from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.features.alarms.scenarios.emergencies import RECIPIENTS
 from rt_robot_os.features.alarms.scenarios.notifier_process import Recipient
 from rt_robot_os.sim.scenarios.faults import FaultInjector
-from rt_robot_os.sim.scenarios.timeline import Timeline
+from rt_robot_os.sim.scenarios.timeline import VirtualTimeline
 
 # Seconds between two, on average.
 _MEAN_S: Final = {'core': 90.0, 'power': 300.0, 'journal': 150.0, 'notifier': 120.0,
@@ -42,7 +42,7 @@ _ROOM_BYTES: Final = 1 << 30
 class FaultTarget(Protocol):
     """What faults are injected into; see :class:`.fixture.AlarmFixture`."""
 
-    timeline: Timeline
+    timeline: VirtualTimeline
     random: Random
     disk: MemoryStore
     memory: MemoryStore

@@ -34,7 +34,7 @@ from rt_robot_os.features.alarms.alarm_service import AlarmService
 from rt_robot_os.features.alarms.escalation import ROBOT
 from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.features.alarms.rules import Rules
-from rt_robot_os.features.alarms.scenarios.emergencies import Emergency
+from rt_robot_os.features.alarms.scenarios.emergencies import InjectedEmergency
 from rt_robot_os.features.alarms.scenarios.emergencies import random_emergency
 from rt_robot_os.features.alarms.scenarios.emergencies import RECIPIENTS
 from rt_robot_os.features.alarms.scenarios.faults import AlarmFaults
@@ -50,7 +50,7 @@ from rt_robot_os.messages.notification import DeliveryReport
 from rt_robot_os.messages.notification import Notification
 from rt_robot_os.sim.scenarios.timeline import Action
 from rt_robot_os.sim.scenarios.timeline import seconds
-from rt_robot_os.sim.scenarios.timeline import Timeline
+from rt_robot_os.sim.scenarios.timeline import VirtualTimeline
 
 _RULES: Final = Rules(remind_ns=240 * NS_PER_S, resolve_after_ns=60 * NS_PER_S)
 _START_NS: Final = 1_000 * NS_PER_S
@@ -75,7 +75,7 @@ class AlarmFixture:
 
     def __init__(self, seed: int, emergencies: int) -> None:
         self.random = random = Random(seed)
-        self.timeline = Timeline(_START_NS)
+        self.timeline = VirtualTimeline(_START_NS)
         self.digest = hashlib.sha256()
         self.recipients: Mapping[str, Recipient] = {
             name: Recipient(name) for name in RECIPIENTS}
@@ -119,26 +119,26 @@ class AlarmFixture:
 
     # ---- people ------------------------------------------------------------------------------
 
-    def _begin(self, each: Emergency) -> None:
+    def _begin(self, each: InjectedEmergency) -> None:
         each.active = True
         self._publish(each)
         self.timeline.after(_REFRESH_NS, lambda: self._refresh(each))
         self.timeline.after(each.lasts_ns, lambda: self._clear(each))
 
-    def _refresh(self, each: Emergency) -> None:
+    def _refresh(self, each: InjectedEmergency) -> None:
         if each.active:
             self._publish(each)
             self.timeline.after(_REFRESH_NS, lambda: self._refresh(each))
 
-    def _publish_if_active(self, each: Emergency) -> None:
+    def _publish_if_active(self, each: InjectedEmergency) -> None:
         if each.active:
             self._publish(each)
 
-    def _clear(self, each: Emergency) -> None:
+    def _clear(self, each: InjectedEmergency) -> None:
         each.active = False
         self._publish(each)
 
-    def _publish(self, each: Emergency) -> None:
+    def _publish(self, each: InjectedEmergency) -> None:
         service = self._service
         if service is not None:
             cause = Cause(each.kind, each.subject, each.level, each.active,
@@ -158,7 +158,7 @@ class AlarmFixture:
             self.after(20.0, 60.0, lambda: self._command(
                 f'resolve {each.subject} by x too late'))
 
-    def _acknowledge(self, each: Emergency) -> None:
+    def _acknowledge(self, each: InjectedEmergency) -> None:
         """Acknowledge, again and again until the robot has received it."""
         if each.acknowledged and self.random.random() < 0.5:
             self.after(10.0, 90.0, lambda: self._command(f'resolve {each.subject} by x helped'))

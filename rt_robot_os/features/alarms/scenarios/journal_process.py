@@ -32,7 +32,7 @@ from rt_robot_os.features.alarms.journal_file import JournalFile
 from rt_robot_os.features.alarms.journal_store import Killed
 from rt_robot_os.features.alarms.journal_store import MemoryStore
 from rt_robot_os.sim.scenarios.timeline import Action
-from rt_robot_os.sim.scenarios.timeline import Timeline
+from rt_robot_os.sim.scenarios.timeline import VirtualTimeline
 
 #: Short, so that a new file is begun often.
 LIMIT_BYTES: Final = 40_000
@@ -53,7 +53,7 @@ class JournalProcess:
     :param limit_bytes: size of a file.
     """
 
-    def __init__(self, timeline: Timeline, random: Random, store: MemoryStore,
+    def __init__(self, timeline: VirtualTimeline, random: Random, store: MemoryStore,
                  answer: Callable[[dict[str, Any]], None], killed: Action = _never,
                  limit_bytes: int = LIMIT_BYTES) -> None:
         self.ended = False

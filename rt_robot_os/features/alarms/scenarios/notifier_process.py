@@ -35,7 +35,7 @@ from rt_robot_os.features.alarms.notifier.delivery_log import is_doubtful
 from rt_robot_os.messages.notification import DeliveryReport
 from rt_robot_os.messages.notification import Notification
 from rt_robot_os.sim.scenarios.timeline import Action
-from rt_robot_os.sim.scenarios.timeline import Timeline
+from rt_robot_os.sim.scenarios.timeline import VirtualTimeline
 
 #: The file of the delivery log.
 MEMORY: Final = 'deliveries'
@@ -86,7 +86,7 @@ class NotifierProcess:
     :param killed: is called when the process is killed in the middle of a write.
     """
 
-    def __init__(self, timeline: Timeline, random: Random, store: MemoryStore,
+    def __init__(self, timeline: VirtualTimeline, random: Random, store: MemoryStore,
                  recipients: Mapping[str, Recipient], report: Callable[[DeliveryReport], None],
                  see: Callable[[Recipient, Notification], None], killed: Action = _never
                  ) -> None:

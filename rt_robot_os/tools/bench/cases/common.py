@@ -22,15 +22,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 import statistics
 
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import BUILDS
 from rt_robot_os.tools.bench.case import COMPILED
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import PURE
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.machine_state import explain
 from rt_robot_os.tools.bench.machine_state import LOOP
@@ -40,7 +40,7 @@ from rt_robot_os.tools.bench.result import Metric
 from rt_robot_os.tools.bench.result import Row
 from rt_robot_os.tools.bench.stats import percentile
 
-Of = Callable[[Outcome], 'float | None']
+Of = Callable[[RunOutcome], 'float | None']
 
 # Of one second's start: interpreter and NumPy; rclpy and its discovery on top.
 START_S = 0.8
@@ -66,7 +66,7 @@ BUILD_LABELS: Mapping[str, str] = {COMPILED: 'compiled', PURE: 'pure Python'}
 RATIO_COLUMN = Column('ratio', 'of pure', '', 'p50')
 
 
-def rclpy(options: Options) -> Sequence[str]:
+def rclpy(options: BenchOptions) -> Sequence[str]:
     """Return which executors of rclpy are measured."""
     return _QUICK_RCLPY if options.quick else RCLPY
 
@@ -79,7 +79,7 @@ def cost_columns(group: str, spread: str = 'p50 range') -> tuple[Column, ...]:
 
 def part_of(sample: str, part: float, scale: float = 1e3) -> Of:
     """Take a percentile of a sample; 1.0 is the maximum."""
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         values = outcome.samples.get(sample)
         value = None if values is None else percentile(values, part)
         return None if value is None else value / scale
@@ -95,7 +95,7 @@ def tails_of(sample: str, scale: float = 1e3) -> dict[str, Of]:
 
 def figure(name: str, scale: float = 1.0) -> Of:
     """Take a single number."""
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         value = outcome.figures.get(name)
         return None if value is None else value / scale
 

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_US
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.stats import percentile
@@ -35,7 +35,7 @@ COLUMNS = (
     Column('calls', 'of due', '%', 'calls'), Column('cpu', 'core', '%', 'CPU'))
 
 
-def timing_of(outcome: Outcome) -> Timing:
+def timing_of(outcome: RunOutcome) -> Timing:
     """Hold the starts of the task against its grid."""
     begin_ns = int(outcome.figures['begin_ns'])
     return timing(outcome.samples['starts'], int(outcome.figures['phase_ns']), PERIOD_NS,
@@ -44,7 +44,7 @@ def timing_of(outcome: Outcome) -> Timing:
 
 def latency(part: float) -> common.Of:
     """Take a percentile of the latencies in microseconds; 1.0 is the maximum."""
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         value = percentile(timing_of(outcome).latencies, part)
         return None if value is None else value / NS_PER_US
 

@@ -33,7 +33,7 @@ from rt_robot_os.linux.timer import Sleeper
 Job = Callable[[], object]
 
 
-class Group:
+class LoopGroup:
     """
     Functions that one plain loop calls at the same moments.
 
@@ -60,7 +60,7 @@ class Group:
             self.due_ns += left_out * self.period_ns
 
 
-def plain_loop(groups: Sequence[Group], begin_ns: int, end_ns: int) -> None:
+def plain_loop(groups: Sequence[LoopGroup], begin_ns: int, end_ns: int) -> None:
     """
     Call each group at its moments, the one that is due first before others.
 

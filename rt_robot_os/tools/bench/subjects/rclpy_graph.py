@@ -54,7 +54,7 @@ def make_executor(name: str) -> Any:
     return SingleThreadedExecutor()
 
 
-class Graph:
+class RclpyGraph:
     """One node and one executor; timers on CLOCK_MONOTONIC, each in a group of its own."""
 
     def __init__(self, node: Node, executor: Any) -> None:
@@ -86,7 +86,7 @@ class Graph:
 
 
 @contextmanager
-def graph(executor: str) -> Iterator[Graph]:
+def graph(executor: str) -> Iterator[RclpyGraph]:
     """
     Make a node with an executor, and end both.
 
@@ -95,7 +95,7 @@ def graph(executor: str) -> Iterator[Graph]:
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = Node('bench', start_parameter_services=False, enable_rosout=False)
     try:
-        yield Graph(node, make_executor(executor))
+        yield RclpyGraph(node, make_executor(executor))
     finally:
         node.destroy_node()
         rclpy.try_shutdown()

@@ -22,8 +22,8 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
@@ -68,7 +68,7 @@ _LATE_NOTES = (
     'long enough (it needs a gap of 2 ms: beside a 1 kHz task nothing would be collected).')
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     measure_ns = options.measure_ns
 
     def run(key: str, label: str, subject: str, **more: int | bool) -> Run:
@@ -111,7 +111,7 @@ def _cost(name: str, scale: float) -> dict[str, common.Of]:
             'p90': common.part_of(name, 0.9, scale)}
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     costs: list[Row] = [
         outcomes.row('operations', _cost('resource', _PS_PER_US), 'enter and leave a resource'),
         outcomes.row('operations', _cost('with', _PS_PER_US),

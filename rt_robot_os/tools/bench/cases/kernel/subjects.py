@@ -39,7 +39,7 @@ from rt_robot_os.kernel import TaskAborted
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.subjects.operation_cost import block_means_ps
 from rt_robot_os.tools.bench.subjects.operation_cost import job_costs_ns
@@ -61,7 +61,7 @@ class _Empty:
         pass
 
 
-def operations(harness: Harness) -> Measured:
+def operations(harness: Harness) -> Measurement:
     """Measure, inside a job: to enter and leave a resource, and to make a record."""
     a = harness.arguments
     tested = Kernel()
@@ -105,10 +105,10 @@ def operations(harness: Harness) -> Measured:
     tested.add_task('other', nothing, priority=60, resources=(resource,))
     harness.prepare(freeze=True)
     tested.run()
-    return Measured(means)
+    return Measurement(means)
 
 
-def abort(harness: Harness) -> Measured:
+def abort(harness: Harness) -> Measurement:
     """Let a task compute for ever, and note how long after its budget it is struck."""
     a = harness.arguments
     total_ns = a['warmup_ns'] + a['measure_ns']
@@ -134,10 +134,10 @@ def abort(harness: Harness) -> Measured:
     moments = late.taken()
     starts = np.array(used[:len(moments)], np.int64)
     late_ns = moments[:len(starts)] - starts - a['budget_ns']
-    return Measured({'late_ns': late_ns[starts >= tested.start_ns + a['warmup_ns']]})
+    return Measurement({'late_ns': late_ns[starts >= tested.start_ns + a['warmup_ns']]})
 
 
-def interrupt(harness: Harness) -> Measured:
+def interrupt(harness: Harness) -> Measurement:
     """
     Note how long after a write to a pipe the task runs that reads it.
 
@@ -179,7 +179,7 @@ def interrupt(harness: Harness) -> Measured:
     finally:
         os.close(fd)
     warm = min(count[0] // 2, a['warmup_ns'] // a['period_ns'])
-    return Measured({'late_ns': late[warm:count[0]]})
+    return Measurement({'late_ns': late[warm:count[0]]})
 
 
 def _with_writer(harness: Harness, tested: Kernel, path: Path, total_ns: int) -> None:
@@ -201,7 +201,7 @@ def writer(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
         os.write(fd, _MOMENT.pack(time.monotonic_ns()))
 
 
-def garbage(harness: Harness) -> Measured:
+def garbage(harness: Harness) -> Measurement:
     """
     Run a periodic task over one that makes cycles, beside many live objects.
 
@@ -240,14 +240,14 @@ def garbage(harness: Harness) -> Measured:
     period_ns = a['period_ns']
     late = (stamps.taken() - tested.start_ns)
     late = late[late >= a['warmup_ns']] % period_ns
-    return Measured({'late_ns': late}, {'collections': collections, 'alive': len(alive)})
+    return Measurement({'late_ns': late}, {'collections': collections, 'alive': len(alive)})
 
 
 class _Struck(Exception):
     """What the bare handler raises."""
 
 
-def strike(harness: Harness) -> Measured:
+def strike(harness: Harness) -> Measurement:
     """Let a bare handler raise in a loop that computes for ever, ``budget_ns`` after its start."""
     a = harness.arguments
     sleep_until_ns, now_ns = Sleeper().sleep_until_ns, time.monotonic_ns
@@ -273,11 +273,11 @@ def strike(harness: Harness) -> Measured:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, previous)
-    return Measured({'late_ns': late[a['warmup_ns'] // a['period_ns']:]})
+    return Measurement({'late_ns': late[a['warmup_ns'] // a['period_ns']:]})
 
 
-def dispatch(harness: Harness) -> Measured:
+def dispatch(harness: Harness) -> Measurement:
     """Release many tasks that do nothing together; divide the process's CPU time by the jobs."""
     a = harness.arguments
     harness.prepare(freeze=True)
-    return Measured({'cpu_ns': job_costs_ns(a, a['tasks'])})
+    return Measurement({'cpu_ns': job_costs_ns(a, a['tasks'])})

@@ -24,11 +24,11 @@ import numpy as np
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import NS_PER_US
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.cases import punctual
 from rt_robot_os.tools.bench.cases.mirror import load_case as mirror_load
@@ -79,7 +79,7 @@ _ROWS = (
 )
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     seconds = _START_S + _WARMUP_NS / NS_PER_S + options.seconds
     # Room for one pair of stretches after the first, which is never counted.
     measure_ns = max(options.measure_ns, 5 * STRETCH_NS)
@@ -98,7 +98,7 @@ def _plan(options: Options) -> Sequence[Run]:
     )
 
 
-def _isolation_plan(options: Options) -> Sequence[Run]:
+def _isolation_plan(options: BenchOptions) -> Sequence[Run]:
     seconds = common.START_PEER_S + 1.2 + _ISOLATION_WARMUP_NS / NS_PER_S + options.seconds
 
     def run(key: str, label: str, mirrored: int, storm: int = 0, stop: int = 0) -> Run:
@@ -141,15 +141,15 @@ def _isolation(outcomes: Outcomes) -> tuple[Table, Sequence[Target], Plot]:
                  _ISOLATION_NOTES), targets, plot
 
 
-def _cost(name: str, part: float) -> Callable[[Outcome], float | None]:
-    def of(outcome: Outcome) -> float | None:
+def _cost(name: str, part: float) -> Callable[[RunOutcome], float | None]:
+    def of(outcome: RunOutcome) -> float | None:
         value = percentile(outcome.samples[name], part)
         return None if value is None else value / NS_PER_US
 
     return of
 
 
-def _dearer(outcome: Outcome) -> float | None:
+def _dearer(outcome: RunOutcome) -> float | None:
     """Take the cost of mirroring; a difference below zero is noise, and no cost."""
     value = _cost('difference_ns', 0.5)(outcome)
     return None if value is None or value <= 0 else value
@@ -165,7 +165,7 @@ def _sending(outcomes: Outcomes) -> str:
     return bare + common.disturbances(outcomes, 'core')
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     rows = [outcomes.row(key, {column: _cost(name, part) for column, part in (
         ('p10', 0.1), ('p50', 0.5), ('p90', 0.9))}, label)
         for key, name, label in _ROWS if key in outcomes.runs]

@@ -25,7 +25,7 @@ from rt_robot_os.core.app import Core
 from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.tools.bench.cases.mirror.subjects import settings
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU_SHAPE
@@ -39,7 +39,7 @@ def topic(number: int) -> str:
     return f'bench/imu{number}'
 
 
-def core(harness: Harness) -> Measured:
+def core(harness: Harness) -> Measurement:
     """
     Publish ``topics`` at ``rate_hz`` in a core of which ``mirrored`` are mirrored by a ROS node.
 
@@ -79,7 +79,7 @@ def core(harness: Harness) -> Measured:
             return _run(harness, tested, stamps, sent)
 
 
-def _run(harness: Harness, tested: Core, stamps: Stamps, sent: list[int]) -> Measured:
+def _run(harness: Harness, tested: Core, stamps: Stamps, sent: list[int]) -> Measurement:
     a = harness.arguments
     harness.prepare(freeze=True)
     cpu_ns, wall_ns = time.process_time_ns(), time.monotonic_ns()
@@ -88,7 +88,7 @@ def _run(harness: Harness, tested: Core, stamps: Stamps, sent: list[int]) -> Mea
     if a['mirrored'] and not sent[1]:
         raise RuntimeError('nothing was sent to the node')
     start_ns = tested.kernel.start_ns
-    return Measured({'starts': stamps.taken()}, {
+    return Measurement({'starts': stamps.taken()}, {
         'phase_ns': start_ns, 'begin_ns': start_ns + a['warmup_ns'],
         'measure_ns': a['measure_ns'], 'cpu_percent': 100.0 * cpu_ns / wall_ns,
         'sent': sent[1] - sent[0]})

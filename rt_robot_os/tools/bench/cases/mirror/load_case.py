@@ -22,10 +22,10 @@ import math
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import NS_PER_US
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.cases.mirror.load_subjects import CORE_GAVE_IN
 from rt_robot_os.tools.bench.cases.mirror.load_subjects import FIRST_HZ
@@ -59,7 +59,7 @@ _COST_COLUMNS = (
     Column('dropped', 'dropped', '', 'samples'))
 _COST_NOTES = (
     'Imus (324 B) of 200 Hz from a core to a node with the mirrors of a robot, on the other CPUs;',
-    'there is no subscriber in DDS. Stretches of 0.25 s: the core publishes on the mirrored topics',
+    'no subscriber in DDS. Stretches of 0.25 s: the core publishes on the mirrored topics',
     'and on as many others, in turns. The difference of the CPU time of the process, by sample.',
     'Core: the link, its wake-ups and what its jobs do to the caches, but not publishing. Node:',
     'reading, stamping, rclpy and all threads of DDS. delay_ms: what the mirrors allow. Floor:',
@@ -76,7 +76,7 @@ _SATURATION_NOTES = (
     'not, and samples were overwritten before they were sent. Neither: the time was over first.')
 
 
-def plan(options: Options) -> Sequence[Run]:
+def plan(options: BenchOptions) -> Sequence[Run]:
     """Return the runs."""
     measure_ns = (1 if options.quick else _PAIRS) * 2 * STRETCH_NS
     start_s = common.START_PEER_S + common.START_S + _WARMUP_NS / NS_PER_S
@@ -115,7 +115,7 @@ def _label(topics: int, delay_ms: float) -> str:
 
 
 def _cost(name: str) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         value = percentile(outcome.samples[name], 0.5)
         # A difference below zero is noise, and no cost.
         return None if value is None or value <= 0 else value / NS_PER_US

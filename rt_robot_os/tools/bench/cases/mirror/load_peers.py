@@ -34,7 +34,7 @@ from rt_robot_os.ros.mirrors import Mirrors
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.tools.bench.cases.mirror.load_subjects import mirrored
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.link_client import connect
 from rt_robot_os.tools.bench.subjects.link_client import stay
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU
@@ -64,7 +64,7 @@ def node(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:
     stay(link, mapper.compare)
 
 
-def raw(harness: Harness) -> Measured:
+def raw(harness: Harness) -> Measurement:
     """Give the bytes of an Imu to ``topics`` publishers in turn, and nothing else: the floor."""
     a = harness.arguments
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
@@ -83,4 +83,4 @@ def raw(harness: Harness) -> Measured:
         time.sleep(_PAUSE_S)
     made.destroy_node()
     rclpy.try_shutdown()
-    return Measured({'raw_ns': np.array(costs[_WARM:], np.int64)})
+    return Measurement({'raw_ns': np.array(costs[_WARM:], np.int64)})

@@ -28,9 +28,9 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.core.app import Core
 from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.tools.bench.cases.mirror.subjects import settings
-from rt_robot_os.tools.bench.cases.mirror.turns import Turns
+from rt_robot_os.tools.bench.cases.mirror.turns import MirrorTurns
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.link_client import connect
 from rt_robot_os.tools.bench.subjects.link_client import stay
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU
@@ -76,7 +76,7 @@ def _all(publish: Sequence[Callable[[], object]]) -> Callable[[], None]:
     return each
 
 
-def core(harness: Harness) -> Measured:
+def core(harness: Harness) -> Measurement:
     """
     Publish ``topics`` at ``rate_hz``, in turns on those that a ROS node mirrors and on others.
 
@@ -97,9 +97,9 @@ def core(harness: Harness) -> Measured:
     arguments = {'path': str(path), 'topics': a['topics'], 'delay_ms': a['delay_ms']}
     with harness.helper(_NODE, arguments, same_cpu=False) as helper:
         clock = process_clock(helper.process.pid)
-        turns = Turns(_all([tested.bus.publisher(mirrored(i)).publish for i in topics]),
-                      _all([tested.bus.publisher(_plain(i)).publish for i in topics]), count,
-                      lambda: time.clock_gettime_ns(clock))
+        turns = MirrorTurns(_all([tested.bus.publisher(mirrored(i)).publish for i in topics]),
+                            _all([tested.bus.publisher(_plain(i)).publish for i in topics]), count,
+                            lambda: time.clock_gettime_ns(clock))
         tested.kernel.add_task('bench/publish', turns.job, priority=80, rate_hz=a['rate_hz'])
         harness.prepare(freeze=True)
         tested.run(a['warmup_ns'] + a['measure_ns'])
@@ -107,8 +107,8 @@ def core(harness: Harness) -> Measured:
     if not counts or not counts[-1][1]:
         raise RuntimeError('the node got no sample')
     published, sent, dropped = counts[-1]
-    return Measured({name: values // a['topics'] for name, values in measured.samples.items()},
-                    {'published': published, 'sent': sent, 'dropped': dropped})
+    return Measurement({name: values // a['topics'] for name, values in measured.samples.items()},
+                       {'published': published, 'sent': sent, 'dropped': dropped})
 
 
 class Ramp:
@@ -166,7 +166,7 @@ class Ramp:
             self._wanted_hz = min(LAST_HZ, GROWTH * self._wanted_hz)
 
 
-def saturation(harness: Harness) -> Measured:
+def saturation(harness: Harness) -> Measurement:
     """
     Publish on ``topics`` that a ROS node mirrors, more and more, until a sample is dropped.
 
@@ -192,7 +192,7 @@ def saturation(harness: Harness) -> Measured:
                     a['warmup_ns'])
         tested.kernel.add_task('bench/publish', ramp.job, priority=60, rate_hz=_TICK_HZ)
         tested.run(a['warmup_ns'] + a['measure_ns'])
-    return Measured({}, {'rate_hz': ramp.rate_hz, 'gave_in': ramp.gave_in})
+    return Measurement({}, {'rate_hz': ramp.rate_hz, 'gave_in': ramp.gave_in})
 
 
 def sink(arguments: Mapping[str, Any], ready: Callable[[], None]) -> None:

@@ -36,7 +36,7 @@ from rt_robot_os.ros.mirrors import OutwardMirror
 from rt_robot_os.settings import MirrorSettings
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU_SHAPE
 from rt_robot_os.topics import Layout
@@ -49,7 +49,7 @@ _PAUSE_S = 0.02
 _DEPTH = 10
 
 
-def node(harness: Harness) -> Measured:
+def node(harness: Harness) -> Measurement:
     """
     Publish blocks of samples in turns, and take the CPU time of the publishing thread.
 
@@ -68,7 +68,7 @@ def node(harness: Harness) -> Measured:
         rclpy.try_shutdown()
 
 
-def _measure(harness: Harness, made: Node, subscribers: int) -> Measured:
+def _measure(harness: Harness, made: Node, subscribers: int) -> Measurement:
     a = harness.arguments
     carry, carried = _carrying(made)
     build, built = _building(made)
@@ -87,7 +87,7 @@ def _measure(harness: Harness, made: Node, subscribers: int) -> Measured:
         builds.append(_block_ns(build))
     samples: dict[str, Samples] = {'carry_ns': np.array(carries[warm:], np.int64),
                                    'build_ns': np.array(builds[warm:], np.int64)}
-    return Measured(samples)
+    return Measurement(samples)
 
 
 def _block_ns(publish: Callable[[], None]) -> int:

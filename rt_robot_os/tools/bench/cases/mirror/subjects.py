@@ -29,9 +29,9 @@ from rt_robot_os.linux.paths import socket_path
 from rt_robot_os.settings.model import RobotSettings
 from rt_robot_os.settings.model import TopicSettings
 from rt_robot_os.settings.process_model import CoreSettings
-from rt_robot_os.tools.bench.cases.mirror.turns import Turns
+from rt_robot_os.tools.bench.cases.mirror.turns import MirrorTurns
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.link_client import connect
 from rt_robot_os.tools.bench.subjects.link_client import stay
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU
@@ -59,7 +59,7 @@ def settings(topics: Mapping[str, tuple[str, Mapping[str, Any]]],
         spawn=False, scheduler_priority=0, link_gather_ms=gather_ms))
 
 
-def core(harness: Harness) -> Measured:
+def core(harness: Harness) -> Measurement:
     """
     Publish on a mirrored topic and on one that is not, in turns, in a core like the real one.
 
@@ -74,8 +74,9 @@ def core(harness: Harness) -> Measured:
     def count() -> None:
         sent[0] = sum(m.sent for c in tested.link.statistics() for m in c.mirrors)
 
-    turns = Turns(tested.bus.publisher(MIRRORED).publish, tested.bus.publisher(PLAIN).publish,
-                  count)
+    turns = MirrorTurns(tested.bus.publisher(MIRRORED).publish,
+                        tested.bus.publisher(PLAIN).publish,
+                        count)
     tested.kernel.add_task('bench/publish', turns.job, priority=80, rate_hz=a['rate_hz'])
     # The client waits for the socket, which is there once the core runs.
     arguments = {'path': str(path), 'topic': MIRRORED}
@@ -87,7 +88,7 @@ def core(harness: Harness) -> Measured:
     return turns.differences(a['warmup_ns'])
 
 
-def floor(harness: Harness) -> Measured:
+def floor(harness: Harness) -> Measurement:
     """Send packets of that size on such a socket to a process that waits: the least there is."""
     a = harness.arguments
     packet = bytes(HEADER_BYTES + Layout.compile(IMU, IMU_SHAPE).size)
@@ -102,8 +103,8 @@ def floor(harness: Harness) -> Measured:
                 return _send(harness, lambda: connection.send(packet), a)
 
 
-def _send(harness: Harness, send: Callable[[], object], a: Mapping[str, Any]) -> Measured:
-    turns = Turns(send, lambda: None)
+def _send(harness: Harness, send: Callable[[], object], a: Mapping[str, Any]) -> Measurement:
+    turns = MirrorTurns(send, lambda: None)
     tested = Kernel()
     tested.add_task('bench/send', turns.job, priority=80, rate_hz=a['rate_hz'])
     harness.prepare(freeze=True)

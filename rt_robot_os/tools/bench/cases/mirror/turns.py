@@ -23,13 +23,13 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.tools.bench.case import Samples
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 
 STRETCH_NS = 250 * NS_PER_MS
 _SETTLE_NS = 20 * NS_PER_MS
 
 
-class Turns:
+class MirrorTurns:
     """
     A job for a periodic task that does a thing for a stretch, then another, then the first again.
 
@@ -80,7 +80,7 @@ class Turns:
     def _used(self) -> tuple[int, ...]:
         return tuple(clock() for clock in self._clocks)
 
-    def differences(self, warmup_ns: int) -> Measured:
+    def differences(self, warmup_ns: int) -> Measurement:
         """
         Compare each stretch with the one before it: ``difference_ns``, ``peer_difference_ns``.
 
@@ -96,4 +96,4 @@ class Turns:
                        for turn in (0, 1))
             samples |= {f'{prefix}with_ns': on, f'{prefix}without_ns': off,
                         f'{prefix}difference_ns': on - off}
-        return Measured(samples)
+        return Measurement(samples)

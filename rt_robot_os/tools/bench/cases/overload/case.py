@@ -19,10 +19,10 @@ from collections.abc import Sequence
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import NS_PER_US
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
@@ -56,7 +56,7 @@ _NOTES = (
     'SCHED_FIFO.')
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     seconds = _QUICK_S if options.quick else _FULL_S
     arguments = {'loads': LOADS, 'work_ns': _WORK_NS, 'measure_ns': round(seconds * NS_PER_S),
                  'longer_ns': {str(_JUDGED): _JUDGED_NS}}
@@ -76,7 +76,7 @@ def _served(load: int, number: int) -> common.Of:
     return common.figure(f'served {load} {number}')
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     columns: dict[str, common.Of] = {}
     for load in _SHOWN:
         columns[f'first{load}'] = _served(load, 0)

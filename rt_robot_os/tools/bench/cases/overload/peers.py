@@ -15,19 +15,19 @@
 
 from __future__ import annotations
 
-from rt_robot_os.tools.bench.cases.overload.subjects import Crowd
 from rt_robot_os.tools.bench.cases.overload.subjects import figures
+from rt_robot_os.tools.bench.cases.overload.subjects import OverloadCallbacks
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.rclpy_graph import graph
 
 
-def executor(harness: Harness) -> Measured:
+def executor(harness: Harness) -> Measurement:
     """Run all as timers of one node, the most important first."""
     a = harness.arguments
     harness.prepare()
 
-    def run(crowd: Crowd) -> None:
+    def run(crowd: OverloadCallbacks) -> None:
         with graph(a['executor']) as tested:
             crowd.over = tested.end
             for job in crowd.jobs:

@@ -24,14 +24,14 @@ from typing import Any
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.compute import compute
 from rt_robot_os.tools.bench.subjects.threads import Threads
 
 TASKS = 20
 
 
-class Crowd:
+class OverloadCallbacks:
     """
     The callbacks of one load, the same for all systems; the first is the most important.
 
@@ -68,7 +68,7 @@ def _nothing() -> None:
     """Do nothing."""
 
 
-def figures(a: Mapping[str, Any], run: Callable[[Crowd], None]) -> Measured:
+def figures(a: Mapping[str, Any], run: Callable[[OverloadCallbacks], None]) -> Measurement:
     """
     Run all loads, one after the other.
 
@@ -77,21 +77,21 @@ def figures(a: Mapping[str, Any], run: Callable[[Crowd], None]) -> Measured:
     """
     found: dict[str, float] = {}
     for percent in a['loads']:
-        crowd = Crowd(a, percent)
+        crowd = OverloadCallbacks(a, percent)
         run(crowd)
         asked = crowd.measure_ns / crowd.period_ns
         for number, count in enumerate(crowd.counts):
             found[f'served {percent} {number}'] = min(100.0, 100 * count / asked)
         found[f'jobs {percent}'] = sum(crowd.counts) * NS_PER_S / crowd.measure_ns
-    return Measured({}, found)
+    return Measurement({}, found)
 
 
-def kernel(harness: Harness) -> Measured:
+def kernel(harness: Harness) -> Measurement:
     """Run them as tasks of a kernel, each at a moment of its own."""
     a = harness.arguments
     harness.prepare(freeze=True)
 
-    def run(crowd: Crowd) -> None:
+    def run(crowd: OverloadCallbacks) -> None:
         tested = Kernel()
         for number, job in enumerate(crowd.jobs):
             tested.add_task(f'{number}', job, priority=95 - 4 * number,
@@ -102,12 +102,12 @@ def kernel(harness: Harness) -> Measured:
     return figures(a, run)
 
 
-def threads(harness: Harness) -> Measured:
+def threads(harness: Harness) -> Measurement:
     """Run each in a thread, with falling priorities of SCHED_FIFO where Linux allows that."""
     a = harness.arguments
     harness.prepare()
 
-    def run(crowd: Crowd) -> None:
+    def run(crowd: OverloadCallbacks) -> None:
         Threads([(crowd.period_ns, max(0, harness.priority - 3 * number), job)
                  for number, job in enumerate(crowd.jobs)], crowd.measure_ns).run()
 

@@ -27,14 +27,14 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.tools.bench import facts
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import PURE
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import UNPINNED
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.plot import histogram
@@ -100,7 +100,7 @@ _LEVEL_NOTES = (
 )
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     common_arguments = {
         'period_ns': PERIOD_NS, 'busy_ns': BUSY_NS, 'busy_period_ns': BUSY_PERIOD_NS,
         'middle_period_ns': 0, 'middle_busy_ns': _MIDDLE_BUSY_NS, 'native': 0,
@@ -147,14 +147,14 @@ def _plan(options: Options) -> Sequence[Run]:
     )
 
 
-def _timing(outcome: Outcome, name: str = 'starts', period_ns: int = PERIOD_NS) -> Timing:
+def _timing(outcome: RunOutcome, name: str = 'starts', period_ns: int = PERIOD_NS) -> Timing:
     begin_ns = int(outcome.figures['begin_ns'])
     return timing(outcome.samples[name], int(outcome.figures['phase_ns']), period_ns, begin_ns,
                   begin_ns + int(outcome.figures['measure_ns']))
 
 
 def _latency(part: float, into_computation: bool = False) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         measured = _timing(outcome)
         latencies = measured.latencies
         if into_computation:
@@ -167,19 +167,19 @@ def _latency(part: float, into_computation: bool = False) -> common.Of:
 
 
 def _middle_latency(part: float) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         value = percentile(_timing(outcome, 'middle_starts', _MIDDLE_PERIOD_NS).latencies, part)
         return None if value is None else value / NS_PER_US
 
     return of
 
 
-def _interval(outcome: Outcome) -> float | None:
+def _interval(outcome: RunOutcome) -> float | None:
     value = percentile(_timing(outcome).intervals, 0.99)
     return None if value is None else value / NS_PER_US
 
 
-def _calls(outcome: Outcome) -> float:
+def _calls(outcome: RunOutcome) -> float:
     measured = _timing(outcome)
     return 100.0 * measured.calls / measured.expected
 
@@ -193,7 +193,7 @@ def _metrics(into_computation: bool = False) -> dict[str, common.Of]:
         **latencies, 'interval_p99': _interval, 'calls_part': _calls}
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     rows: list[Row] = []
     levels: list[Row] = []
     for key in outcomes.runs:

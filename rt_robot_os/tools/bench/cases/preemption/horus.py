@@ -21,9 +21,9 @@ from importlib import import_module
 from typing import Any
 
 from rt_robot_os.base.units import NS_PER_S
-from rt_robot_os.tools.bench.cases.preemption.subjects import Work
+from rt_robot_os.tools.bench.cases.preemption.subjects import PreemptionWork
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 
 PRIORITY = 80
 
@@ -33,7 +33,7 @@ def node(name: str, tick: Callable[[], object], **options: Any) -> Any:
     return import_module('horus').Node(name=name, tick=lambda node: tick(), **options)
 
 
-def nodes(harness: Harness) -> Measured:
+def nodes(harness: Harness) -> Measurement:
     """
     Run a fast node on the last CPU beside one that computes in HORUS's own thread pool.
 
@@ -41,7 +41,7 @@ def nodes(harness: Harness) -> Measured:
     """
     a = harness.arguments
     horus = import_module('horus')
-    work = Work(a)
+    work = PreemptionWork(a)
     rate_hz = NS_PER_S / a['period_ns']
     made = [
         node('fast', work.fast, rate=rate_hz, order=0, priority=PRIORITY,

@@ -19,20 +19,20 @@ from __future__ import annotations
 import sys
 import time
 
-from rt_robot_os.tools.bench.cases.preemption.subjects import Work
+from rt_robot_os.tools.bench.cases.preemption.subjects import PreemptionWork
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.rclpy_graph import graph
 
 
-def executor(harness: Harness) -> Measured:
+def executor(harness: Harness) -> Measurement:
     """
     Run all as timers of one node.
 
     The real-time set-up comes first, so that the threads of the middleware inherit it.
     """
     a = harness.arguments
-    work = Work(a)
+    work = PreemptionWork(a)
     harness.prepare()
     if a['switch_interval_s']:
         sys.setswitchinterval(a['switch_interval_s'])

@@ -30,7 +30,7 @@ from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.subjects.compute import compute
 from rt_robot_os.tools.bench.subjects.compute import native_call
@@ -39,7 +39,7 @@ from rt_robot_os.tools.bench.subjects.threads import Threads
 LOAD = 'rt_robot_os.tools.bench.subjects.compute:load'
 
 
-class Work:
+class PreemptionWork:
     """
     The callbacks of a run and their notes, the same for all systems.
 
@@ -70,7 +70,7 @@ class Work:
             self._native()
         self._busy.stamp()
 
-    def measured(self, phase_ns: int, **figures: float) -> Measured:
+    def measured(self, phase_ns: int, **figures: float) -> Measurement:
         """
         Return the notes.
 
@@ -78,17 +78,17 @@ class Work:
         """
         edges = self._busy.taken()
         edges = edges[:len(edges) // 2 * 2]
-        return Measured(
+        return Measurement(
             {'starts': self._fast.taken(), 'middle_starts': self._middle.taken(),
              'busy_begins': edges[::2], 'busy_ends': edges[1::2]},
             {'phase_ns': phase_ns, 'begin_ns': phase_ns + self._a['warmup_ns'],
              'measure_ns': self._a['measure_ns'], **figures})
 
 
-def kernel(harness: Harness) -> Measured:
+def kernel(harness: Harness) -> Measurement:
     """Run the tasks in the kernel, in a process as the core prepares it."""
     a = harness.arguments
-    work = Work(a)
+    work = PreemptionWork(a)
     tested = Kernel()
     tested.add_task('fast', work.fast, priority=50, rate_hz=NS_PER_S / a['period_ns'])
     if a['middle_period_ns']:
@@ -101,7 +101,7 @@ def kernel(harness: Harness) -> Measured:
     return work.measured(tested.start_ns, charged_ns=busy.blocked_maximum_ns)
 
 
-def floor(harness: Harness) -> Measured:
+def floor(harness: Harness) -> Measurement:
     """
     Loop on ``clock_nanosleep`` with absolute deadlines: nothing in Python can be earlier.
 
@@ -118,14 +118,14 @@ def floor(harness: Harness) -> Measured:
         return _sleep(harness)
 
 
-def _sleep(harness: Harness) -> Measured:
+def _sleep(harness: Harness) -> Measurement:
     a = harness.arguments
     harness.prepare(freeze=True)
     starts, phase_ns = sleep_loop(a['period_ns'], a['warmup_ns'] + a['measure_ns'])
     none = np.zeros(0, np.int64)
-    return Measured({'starts': starts, 'busy_begins': none, 'busy_ends': none},
-                    {'phase_ns': phase_ns, 'begin_ns': phase_ns + a['warmup_ns'],
-                     'measure_ns': a['measure_ns']})
+    return Measurement({'starts': starts, 'busy_begins': none, 'busy_ends': none},
+                       {'phase_ns': phase_ns, 'begin_ns': phase_ns + a['warmup_ns'],
+                        'measure_ns': a['measure_ns']})
 
 
 def sleep_loop(period_ns: int, total_ns: int) -> tuple[Samples, int]:
@@ -149,7 +149,7 @@ def sleep_loop(period_ns: int, total_ns: int) -> tuple[Samples, int]:
     return stamps.taken(), phase_ns
 
 
-def handler(harness: Harness) -> Measured:
+def handler(harness: Harness) -> Measurement:
     """
     Let a bare signal handler interrupt Python that computes, at the rate of the fast task.
 
@@ -157,7 +157,7 @@ def handler(harness: Harness) -> Measured:
     such a handler.
     """
     a = harness.arguments
-    work = Work(a)
+    work = PreemptionWork(a)
     sleep_until_ns, now_ns = Sleeper().sleep_until_ns, time.monotonic_ns
     harness.prepare(freeze=True)
 
@@ -181,10 +181,10 @@ def handler(harness: Harness) -> Measured:
     return work.measured(phase_ns)
 
 
-def threads(harness: Harness) -> Measured:
+def threads(harness: Harness) -> Measurement:
     """Run a fast thread over one that computes, which has a lower priority of SCHED_FIFO."""
     a = harness.arguments
-    work = Work(a)
+    work = PreemptionWork(a)
     jobs = [(a['period_ns'], harness.priority, work.fast),
             (a['busy_period_ns'], harness.priority // 4, work.busy)]
     if a['middle_period_ns']:

@@ -23,12 +23,12 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.tools.bench import facts
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import BUILDS
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.cases.spacing.subjects import tasks_at
 from rt_robot_os.tools.bench.plot import Plot
@@ -93,15 +93,15 @@ _MANY_NOTES = (
     'the CPU for 5 ms in ten seconds decides it.')
 
 
-def _spacings(options: Options) -> Sequence[int]:
+def _spacings(options: BenchOptions) -> Sequence[int]:
     return _QUICK_US if options.quick else SPACINGS_US
 
 
-def _wakes(options: Options) -> Sequence[int]:
+def _wakes(options: BenchOptions) -> Sequence[int]:
     return _QUICK_WAKES_US if options.quick else _WAKES_US
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     spacings = _spacings(options)
     curve_s = max(options.seconds / 2, len(spacings) * _LEAST_S)
     curve = Run('curve', 'spacings', f'{_SUBJECTS}.subjects:curve', {
@@ -133,7 +133,7 @@ def _label(spacing_us: int) -> str:
     return f'{count:>3} tasks, ' + (f'{spacing_us} us apart' if spacing_us else 'together')
 
 
-def _curve_rows(options: Options, outcomes: Outcomes) -> list[Row]:
+def _curve_rows(options: BenchOptions, outcomes: Outcomes) -> list[Row]:
     rows: list[Row] = []
     for spacing_us in _spacings(options):
         name = spacing_us * NS_PER_US
@@ -192,7 +192,7 @@ def _targets(outcomes: Outcomes) -> Sequence[Target]:
 
 def _asked_for(outcomes: Outcomes, run: str, key: str) -> str:
     """Return how much of the CPU the jobs would take, if they all ran one after the other."""
-    def of(outcome: Outcome) -> float:
+    def of(outcome: RunOutcome) -> float:
         return outcome.figures[f'job_us {key}'] - outcome.figures[f'looked_us {key}']
 
     job = outcomes.metric(run, of)
@@ -243,7 +243,7 @@ def _plot(outcomes: Outcomes) -> Plot:
                 y_from_zero=True, x_ticks=ticks)
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     return CaseResult(CASE.name, CASE.title, (
         Table('', _COLUMNS, _curve_rows(options, outcomes), _NOTES),
         Table('A thousand tasks', _MANY_COLUMNS, _many_rows(outcomes), _MANY_NOTES)),

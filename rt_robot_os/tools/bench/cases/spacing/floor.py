@@ -24,19 +24,19 @@ import numpy as np
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
-from rt_robot_os.tools.bench.subjects.plain_loop import Group
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.plain_loop import Job
+from rt_robot_os.tools.bench.subjects.plain_loop import LoopGroup
 from rt_robot_os.tools.bench.subjects.plain_loop import plain_loop
 
 _STRETCH_NS = 200 * NS_PER_MS
 
 
-def jobs(harness: Harness) -> Measured:
+def jobs(harness: Harness) -> Measurement:
     """Call ``tasks`` functions that do nothing in a row; give the CPU time of a call."""
     a = harness.arguments
     period_ns = round(NS_PER_S / a['rate_hz'])
-    group = Group(period_ns, [_nothing] * a['tasks'])
+    group = LoopGroup(period_ns, [_nothing] * a['tasks'])
     harness.prepare(freeze=True)
     costs = []
     for _ in range(1 + max(1, a['measure_ns'] // _STRETCH_NS)):
@@ -45,10 +45,10 @@ def jobs(harness: Harness) -> Measured:
         used_ns = time.process_time_ns() - used_ns
         calls = _STRETCH_NS // period_ns - group.missed
         costs.append(used_ns // (max(1, calls) * a['tasks']))
-    return Measured({'cpu_ns': np.array(costs[1:], np.int64)})  # the first is the warm-up
+    return Measurement({'cpu_ns': np.array(costs[1:], np.int64)})  # the first is the warm-up
 
 
-def many(harness: Harness) -> Measured:
+def many(harness: Harness) -> Measurement:
     """
     Call very many functions at 200 Hz, in a row, then each at a moment of its own.
 
@@ -65,7 +65,7 @@ def many(harness: Harness) -> Measured:
         begin_ns, used_ns = time.monotonic_ns() + period_ns, time.thread_time_ns()
         due = a['measure_ns'] // period_ns * tasks
         if key == 'together':
-            group = Group(period_ns, functions)
+            group = LoopGroup(period_ns, functions)
             plain_loop([group], begin_ns, begin_ns + a['measure_ns'] // period_ns * period_ns)
             missed = group.missed * tasks
         else:
@@ -75,7 +75,7 @@ def many(harness: Harness) -> Measured:
             f'reached_hz {key}': a['rate_hz'] * (due - missed) / due, f'missed {key}': missed,
             f'job_us {key}': used_ns / 1e3 / max(1, due - missed), f'looked_us {key}': 0.0,
             f'cpu_percent {key}': 100.0 * used_ns / a['measure_ns']})
-    return Measured(figures=figures)
+    return Measurement(figures=figures)
 
 
 def _spread(functions: Sequence[Job], begin_ns: int, spacing_ns: int, due: int) -> int:

@@ -30,7 +30,7 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 
 _STRETCH_NS = 100 * NS_PER_MS
 _TURNS = 2
@@ -51,7 +51,7 @@ class Stretch(NamedTuple):
     looked_ns: int
 
 
-class Crowd:
+class SpacedTasks:
     """
     Tasks of one rate that do nothing, at phases that lie so far apart.
 
@@ -81,7 +81,7 @@ def tasks_at(spacing_ns: int, most: int, period_ns: int) -> int:
     return most if not spacing_ns else min(most, period_ns // spacing_ns)
 
 
-def curve(harness: Harness) -> Measured:
+def curve(harness: Harness) -> Measurement:
     """
     Measure the CPU time of a job at each spacing, in turns; count how often the process slept.
 
@@ -105,12 +105,12 @@ def curve(harness: Harness) -> Measured:
     figures = {f'looked {name}': statistics.median(some) for name, some in looked.items()}
     for spacing_ns in spacings:
         figures.update(_counted(a, spacing_ns))
-    return Measured({name: np.array(some, np.int64) for name, some in costs.items()}, figures)
+    return Measurement({name: np.array(some, np.int64) for name, some in costs.items()}, figures)
 
 
-def _crowd(a: Mapping[str, Any], spacing_ns: int) -> Crowd:
+def _crowd(a: Mapping[str, Any], spacing_ns: int) -> SpacedTasks:
     count = tasks_at(spacing_ns, a['tasks'], NS_PER_S // a['rate_hz'])
-    return Crowd(count, a['rate_hz'], spacing_ns)
+    return SpacedTasks(count, a['rate_hz'], spacing_ns)
 
 
 def _counted(a: Mapping[str, Any], spacing_ns: int) -> Mapping[str, float]:
@@ -121,7 +121,7 @@ def _counted(a: Mapping[str, Any], spacing_ns: int) -> Mapping[str, float]:
     return {f'sleeps {spacing_ns}': sleeps / jobs}
 
 
-def wakes(harness: Harness) -> Measured:
+def wakes(harness: Harness) -> Measurement:
     """Divide the CPU time of a bare ``clock_nanosleep`` loop by its wake-ups, at each spacing."""
     a = harness.arguments
     sleeper = Sleeper()
@@ -138,10 +138,10 @@ def wakes(harness: Harness) -> Measured:
                 sleeper.sleep_until_ns(deadline_ns)
             costs[str(period_ns)].append((time.thread_time_ns() - begin_ns) // count)
     # The first turn is the warm-up.
-    return Measured({name: np.array(some[1:], np.int64) for name, some in costs.items()})
+    return Measurement({name: np.array(some[1:], np.int64) for name, some in costs.items()})
 
 
-def many(harness: Harness) -> Measured:
+def many(harness: Harness) -> Measurement:
     """
     Let very many tasks run, released together, then at phases over the whole period.
 
@@ -150,8 +150,8 @@ def many(harness: Harness) -> Measured:
     """
     a = harness.arguments
     period_ns = NS_PER_S // a['rate_hz']
-    crowds = {'together': Crowd(a['tasks'], a['rate_hz'], 0),
-              'spread': Crowd(a['tasks'], a['rate_hz'], period_ns // a['tasks'])}
+    crowds = {'together': SpacedTasks(a['tasks'], a['rate_hz'], 0),
+              'spread': SpacedTasks(a['tasks'], a['rate_hz'], period_ns // a['tasks'])}
     harness.prepare(freeze=True)
     # To the middle of a period: tasks that are released together are not cut off.
     duration_ns = max(1, a['measure_ns'] // period_ns) * period_ns - period_ns // 2
@@ -165,7 +165,7 @@ def many(harness: Harness) -> Measured:
             f'missed {key}': took.missed, f'job_us {key}': took.used_ns / 1e3 / jobs,
             f'looked_us {key}': took.looked_ns / 1e3 / jobs,
             f'cpu_percent {key}': 100.0 * took.used_ns / duration_ns})
-    return Measured(figures=figures)
+    return Measurement(figures=figures)
 
 
 def _nothing() -> None:

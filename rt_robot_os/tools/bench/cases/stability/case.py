@@ -25,13 +25,13 @@ import numpy as np
 
 from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
 from rt_robot_os.tools.bench.case import FIFO_PRIORITY
 from rt_robot_os.tools.bench.case import LAST_CPU
-from rt_robot_os.tools.bench.case import Options
-from rt_robot_os.tools.bench.case import Outcome
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
+from rt_robot_os.tools.bench.case import RunOutcome
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.cases import common
 from rt_robot_os.tools.bench.cases.stability.subjects import measured_s
@@ -42,7 +42,7 @@ from rt_robot_os.tools.bench.plot import Series
 from rt_robot_os.tools.bench.result import CaseResult
 from rt_robot_os.tools.bench.result import Column
 from rt_robot_os.tools.bench.result import published_values
-from rt_robot_os.tools.bench.result import Status
+from rt_robot_os.tools.bench.result import RunStatus
 from rt_robot_os.tools.bench.result import Table
 from rt_robot_os.tools.bench.result import Target
 
@@ -72,15 +72,15 @@ _NOTES = (
     'misses what is due; Linux counts that time, and the target is about the releases beside it.')
 
 
-def _measure_s(options: Options) -> float:
+def _measure_s(options: BenchOptions) -> float:
     return _QUICK_S if options.quick and options.hours < 0.02 else options.hours * 3600
 
 
-def _csv(options: Options, key: str) -> str:
+def _csv(options: BenchOptions, key: str) -> str:
     return str(Path(options.out) / f'stability-{key}.csv') if options.out else ''
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     def run(key: str, label: str, subject: str, seconds: float, start_s: float,
             **more: str) -> Run:
         row_s = min(_ROW_S, seconds / 10)
@@ -104,21 +104,21 @@ def _plan(options: Options) -> Sequence[Run]:
               common.START_PEER_S, executor=name) for name in peers))
 
 
-def _partial(options: Options) -> Outcomes | None:
+def _partial(options: BenchOptions) -> Outcomes | None:
     """Take the rows that were written before the run ended."""
     outcomes = Outcomes(_plan(options))
     found = False
     for key in outcomes.runs:
         try:
-            outcomes.add(key, Outcome(Status.OK, '', read_csv(Path(_csv(options, key)))))
+            outcomes.add(key, RunOutcome(RunStatus.OK, '', read_csv(Path(_csv(options, key)))))
             found = True
         except (OSError, ValueError):
-            outcomes.add(key, Outcome(Status.MISSING, 'interrupted before it'))
+            outcomes.add(key, RunOutcome(RunStatus.MISSING, 'interrupted before it'))
     return outcomes if found else None
 
 
 def _rows_of(name: str, of: Callable[[Samples], float]) -> common.Of:
-    def take(outcome: Outcome) -> float | None:
+    def take(outcome: RunOutcome) -> float | None:
         values = outcome.samples.get(name)
         return None if values is None or not len(values) else float(of(values))
 
@@ -126,7 +126,7 @@ def _rows_of(name: str, of: Callable[[Samples], float]) -> common.Of:
 
 
 def _worst_hz(name: str, rate: int) -> common.Of:
-    def of(outcome: Outcome) -> float | None:
+    def of(outcome: RunOutcome) -> float | None:
         values = outcome.samples.get(name)
         if values is None or not len(values):
             return None
@@ -135,7 +135,7 @@ def _worst_hz(name: str, rate: int) -> common.Of:
     return of
 
 
-def _missed(outcome: Outcome) -> float | None:
+def _missed(outcome: RunOutcome) -> float | None:
     """Return which part of the releases was missed while the CPU was there, in per cent."""
     samples, away_ms = outcome.samples, away(outcome.figures)
     if away_ms is None or not len(samples['missed']):
@@ -145,7 +145,7 @@ def _missed(outcome: Outcome) -> float | None:
     return 100.0 * max(0.0, float(np.sum(samples['missed'])) - away_ms * releases_ms) / due
 
 
-def _growth(outcome: Outcome) -> float | None:
+def _growth(outcome: RunOutcome) -> float | None:
     sizes = outcome.samples.get('resident_kb')
     return None if sizes is None or not len(sizes) else float(sizes[-1] - sizes[0])
 
@@ -158,7 +158,7 @@ _METRICS: Mapping[str, common.Of] = {
     'growth': _growth}
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     rows = [published_values('paper (STM32F4), 24 h', acquire_hz=999, attitude_hz=400,
                              receive_hz=194, delay_mean=30, delay_max=36)]
     for key in outcomes.runs:

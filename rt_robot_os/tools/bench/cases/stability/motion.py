@@ -33,7 +33,7 @@ def truth(t: float) -> tuple[float, float]:
             _PITCH[0] * math.sin(_PITCH[1] * t + _PITCH[2]))
 
 
-class Sensor:
+class ImuModel:
     """Give what an inertial sensor reads: rates in rad/s and acceleration in m/s^2, noisy."""
 
     def __init__(self) -> None:

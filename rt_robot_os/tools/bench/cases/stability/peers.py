@@ -24,27 +24,27 @@ from typing import Any
 
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.tools.bench.cases.stability.motion import Filter
-from rt_robot_os.tools.bench.cases.stability.motion import Sensor
+from rt_robot_os.tools.bench.cases.stability.motion import ImuModel
 from rt_robot_os.tools.bench.cases.stability.subjects import ACQUIRE_HZ
 from rt_robot_os.tools.bench.cases.stability.subjects import ATTITUDE
 from rt_robot_os.tools.bench.cases.stability.subjects import ATTITUDE_HZ
 from rt_robot_os.tools.bench.cases.stability.subjects import Notes
 from rt_robot_os.tools.bench.cases.stability.subjects import read_csv
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU
-from rt_robot_os.tools.bench.subjects.rclpy_graph import Graph
 from rt_robot_os.tools.bench.subjects.rclpy_graph import graph
+from rt_robot_os.tools.bench.subjects.rclpy_graph import RclpyGraph
 from rt_robot_os.topics.resolve import message_class
 
 _DEPTH = 10
 
 
-def executor(harness: Harness) -> Measured:
+def executor(harness: Harness) -> Measurement:
     """Run the three modules; rclpy does not report missed releases."""
     a = harness.arguments
     if a['measure_ns'] <= 0:  # it was complete before the interruption
-        return Measured(read_csv(Path(a['csv'])))
+        return Measurement(read_csv(Path(a['csv'])))
     notes = Notes(a['csv'], a['measure_ns'] // a['row_ns'] + 2, a['from_s'])
     harness.prepare()
     with graph(a['executor']) as tested:
@@ -56,8 +56,8 @@ def executor(harness: Harness) -> Measured:
     return notes.measured()
 
 
-def _modules(tested: Graph, notes: Notes) -> None:
-    sensor, solver = Sensor(), Filter()
+def _modules(tested: RclpyGraph, notes: Notes) -> None:
+    sensor, solver = ImuModel(), Filter()
     imu_kind, attitude_kind = message_class(IMU), message_class(ATTITUDE)
     imu_message, attitude_message = imu_kind(), attitude_kind()
     imu = tested.node.create_publisher(imu_kind, 'imu', _DEPTH)

@@ -30,14 +30,14 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.kernel import Kernel
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.cases.stability.motion import Filter
-from rt_robot_os.tools.bench.cases.stability.motion import Sensor
+from rt_robot_os.tools.bench.cases.stability.motion import ImuModel
 from rt_robot_os.tools.bench.cases.stability.motion import truth
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.stamps import Stamps
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU
 from rt_robot_os.tools.bench.subjects.operation_cost import IMU_SHAPE
-from rt_robot_os.tools.bench.subjects.plain_loop import Group
+from rt_robot_os.tools.bench.subjects.plain_loop import LoopGroup
 from rt_robot_os.tools.bench.subjects.plain_loop import plain_loop
 from rt_robot_os.topics import Bus
 
@@ -152,14 +152,14 @@ class Notes:
         if self._fd >= 0:
             os.write(self._fd, (','.join(f'{value:.3f}' for value in row) + '\n').encode())
 
-    def measured(self, **figures: float) -> Measured:
+    def measured(self, **figures: float) -> Measurement:
         """Return the rows, a column a sample, with those of an interrupted run before it."""
         if self._from_s:
-            return Measured(read_csv(Path(self._csv)), figures)
+            return Measurement(read_csv(Path(self._csv)), figures)
         rows: Any = self._rows[:self._used]
         if not self._used:
             raise RuntimeError('too short for a row')
-        return Measured({name: rows[:, i] for i, name in enumerate(COLUMNS)}, figures)
+        return Measurement({name: rows[:, i] for i, name in enumerate(COLUMNS)}, figures)
 
 
 def read_csv(path: Path) -> Mapping[str, Samples]:
@@ -193,11 +193,11 @@ def _cut(path: Path) -> None:
     os.truncate(path, path.read_bytes().rfind(b'\n') + 1)
 
 
-def kernel(harness: Harness) -> Measured:
+def kernel(harness: Harness) -> Measurement:
     """Run the three modules as tasks with topics between them."""
     a = harness.arguments
     if a['measure_ns'] <= 0:  # it was complete before the interruption
-        return Measured(read_csv(Path(a['csv'])))
+        return Measurement(read_csv(Path(a['csv'])))
     total_ns = a['warmup_ns'] + a['measure_ns']
     notes = Notes(a['csv'], a['measure_ns'] // a['row_ns'] + 2, a['from_s'])
     tested = Kernel()
@@ -224,7 +224,7 @@ def _modules(tested: Kernel, notes: Notes) -> list[Any]:
     imu, attitude = bus.publisher('imu'), bus.publisher('attitude')
     read = bus.subscribe('imu', 'attitude')
     packer, buffer = layout.packer('angular_velocity', 'linear_acceleration'), layout.new_buffer()
-    sensor, solver = Sensor(), Filter()
+    sensor, solver = ImuModel(), Filter()
     turn = [0]
     taken: list[Any] = []
 
@@ -256,7 +256,7 @@ def _modules(tested: Kernel, notes: Notes) -> list[Any]:
     return tasks
 
 
-def rows(harness: Harness) -> Measured:
+def rows(harness: Harness) -> Measurement:
     """
     Run a loop of 1 kHz for long, a row of figures every ``row_ns``.
 
@@ -268,7 +268,7 @@ def rows(harness: Harness) -> Measured:
     begin_ns = time.monotonic_ns() + NS_PER_MS
     for number in range(max(1, a['measure_ns'] // a['row_ns'])):
         stamps = Stamps(a['row_ns'] // NS_PER_MS + 100)
-        group = Group(NS_PER_MS, [stamps.stamp])
+        group = LoopGroup(NS_PER_MS, [stamps.stamp])
         from_ns = begin_ns + number * a['row_ns']
         plain_loop([group], from_ns, from_ns + a['row_ns'])
         starts: Samples = stamps.taken()
@@ -276,4 +276,4 @@ def rows(harness: Harness) -> Measured:
         found['acquire_hz'].append(0.0 if len(starts) < 2 else (
             (len(starts) - 1) * NS_PER_S / (starts[-1] - starts[0])))
         found['missed'].append(group.missed)
-    return Measured({name: np.array(some) for name, some in found.items()})
+    return Measurement({name: np.array(some) for name, some in found.items()})

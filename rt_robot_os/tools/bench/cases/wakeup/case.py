@@ -24,8 +24,8 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.base.units import NS_PER_US
 from rt_robot_os.tools.bench import facts
+from rt_robot_os.tools.bench.case import BenchOptions
 from rt_robot_os.tools.bench.case import Case
-from rt_robot_os.tools.bench.case import Options
 from rt_robot_os.tools.bench.case import Outcomes
 from rt_robot_os.tools.bench.case import Run
 from rt_robot_os.tools.bench.cases import common
@@ -56,7 +56,7 @@ _NOTES = (
     'virtual machine). cyclictest (rt-tests) is C; its CPU time is not taken.')
 
 
-def _plan(options: Options) -> Sequence[Run]:
+def _plan(options: BenchOptions) -> Sequence[Run]:
     def run(key: str, label: str, subject: str, spin_ns: int = 0, dma_latency_us: int = -1) -> Run:
         return Run(key, label, f'{_SUBJECTS}:{subject}', {
             'period_ns': _PERIOD_NS, 'warmup_ns': _WARMUP_NS, 'spin_ns': spin_ns,
@@ -73,7 +73,7 @@ def _plan(options: Options) -> Sequence[Run]:
     )
 
 
-def _evaluate(options: Options, outcomes: Outcomes) -> CaseResult:
+def _evaluate(options: BenchOptions, outcomes: Outcomes) -> CaseResult:
     late = common.tails_of('late_ns')
     rows = [outcomes.row(key, {**late, 'cpu': common.figure('cpu_percent')})
             for key in outcomes.runs]

@@ -34,7 +34,7 @@ from rt_robot_os.linux.timer import Sleeper
 from rt_robot_os.tools.bench.case import Samples
 from rt_robot_os.tools.bench.cases.preemption.subjects import sleep_loop
 from rt_robot_os.tools.bench.harness import Harness
-from rt_robot_os.tools.bench.harness import Measured
+from rt_robot_os.tools.bench.harness import Measurement
 from rt_robot_os.tools.bench.harness import Unavailable
 from rt_robot_os.tools.bench.stamps import Stamps
 
@@ -56,7 +56,7 @@ def make_kernel(**options: Any) -> Kernel:
     return Kernel(**options)
 
 
-def kernel(harness: Harness) -> Measured:
+def kernel(harness: Harness) -> Measurement:
     """Run one periodic task and nothing else; ``spin_ns`` wakes earlier and spins."""
     a = harness.arguments
     total_ns = a['warmup_ns'] + a['measure_ns']
@@ -70,7 +70,7 @@ def kernel(harness: Harness) -> Measured:
     return _run(tested, stamps, a)
 
 
-def _run(tested: Kernel, stamps: Stamps, a: Mapping[str, Any]) -> Measured:
+def _run(tested: Kernel, stamps: Stamps, a: Mapping[str, Any]) -> Measurement:
     cpu_ns = time.process_time_ns()
     total_ns = a['warmup_ns'] + a['measure_ns']
     tested.run(total_ns)
@@ -88,7 +88,7 @@ def _power(latency_us: int) -> Any:
     return device
 
 
-def floor(harness: Harness) -> Measured:
+def floor(harness: Harness) -> Measurement:
     """Loop on ``clock_nanosleep``."""
     a = harness.arguments
     harness.prepare(freeze=True)
@@ -98,14 +98,14 @@ def floor(harness: Harness) -> Measured:
     return _late(starts, phase_ns, a, 100.0 * (time.process_time_ns() - cpu_ns) / total_ns)
 
 
-def _late(starts: Samples, phase_ns: int, a: Mapping[str, Any], cpu_percent: float) -> Measured:
+def _late(starts: Samples, phase_ns: int, a: Mapping[str, Any], cpu_percent: float) -> Measurement:
     period_ns = a['period_ns']
     late = (starts - phase_ns) % period_ns
-    return Measured({'late_ns': late[starts >= phase_ns + a['warmup_ns']]},
-                    {'cpu_percent': cpu_percent})
+    return Measurement({'late_ns': late[starts >= phase_ns + a['warmup_ns']]},
+                       {'cpu_percent': cpu_percent})
 
 
-def cyclictest(harness: Harness) -> Measured:
+def cyclictest(harness: Harness) -> Measurement:
     """
     Run cyclictest with the same period, CPU and priority, in C.
 
@@ -124,12 +124,12 @@ def cyclictest(harness: Harness) -> Measured:
         ended = subprocess.run([*words, *more], capture_output=True, check=False)
         late = np.array([int(value) for value in _LINE.findall(ended.stdout)], np.int64)
         if len(late):
-            return Measured({'late_ns': late[a['warmup_ns'] // a['period_ns']:]})
+            return Measurement({'late_ns': late[a['warmup_ns'] // a['period_ns']:]})
     said = (ended.stderr or ended.stdout).decode(errors='replace').strip().splitlines()
     raise Unavailable(f'cyclictest gave no samples: {said[0] if said else "no output"}')
 
 
-def spin(harness: Harness) -> Measured:
+def spin(harness: Harness) -> Measurement:
     """Sleep until ``spin_ns`` before each moment of a grid, and wait awake for it."""
     a = harness.arguments
     total_ns = a['warmup_ns'] + a['measure_ns']
@@ -145,5 +145,5 @@ def spin(harness: Harness) -> Measured:
         stamp()
         due_ns += a['period_ns'] * (1 + max(0, now_ns() - due_ns) // a['period_ns'])
     late = (stamps.taken() - phase_ns) % a['period_ns']
-    return Measured({'late_ns': late[a['warmup_ns'] // a['period_ns']:]}, {
+    return Measurement({'late_ns': late[a['warmup_ns'] // a['period_ns']:]}, {
         'cpu_percent': 100.0 * (time.process_time_ns() - used_ns) / total_ns})
