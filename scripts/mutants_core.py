@@ -65,8 +65,9 @@ MUTANTS = (
     Mutant('wrong order among equals', CORE,
            'other->due_ns == timer.due_ns && other->order < timer.order',
            'other->due_ns == timer.due_ns && other->order > timer.order'),
-    Mutant('lost spare timer', CORE, '    core->spare_ns = spare_ns;\n    return set_timer(core, 1, '
-           'spare_ns);', '    core->spare_ns = spare_ns;\n    return 0;'),
+    Mutant('lost spare timer', CORE,
+           '    core->spare_ns = spare_ns;\n    return set_timer(core, 1, spare_ns);',
+           '    core->spare_ns = spare_ns;\n    return 0;'),
     Mutant('forgotten reference to a timer', CORE,
            '    *timer_at(list, low) = timer;\n    Py_INCREF(timer.target);',
            '    *timer_at(list, low) = timer;'),
