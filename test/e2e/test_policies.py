@@ -75,7 +75,7 @@ diagnostics.Recent = lambda: Recent(hold_s=1.0)
 
     until(lambda: status().level == DiagnosticStatus.ERROR
           and 'in its safe state' in status().message, 'the error in /diagnostics')
-    assert status().message == ('in its safe state; the log says why. Let it run again: ros2 '
+    assert status().message == ('in its safe state; see the log. To re-arm it: ros2 '
                                 'service call /robot/rearm std_srvs/srv/Trigger')
     values = {v.key: v.value for v in status().values}
     assert values['state'] == 'safe' and values['failures'] == '1'

@@ -93,6 +93,6 @@ def test_an_emergency_is_replayed_with_the_same_transitions_at_the_same_times(
         'confirm', 'approach', 'give_up', 'return', 'idle'], said.read_text()
     code, text = robot.run('rt_robot_os.recording.replay_program', str(bag))
     assert code == 0, text
-    assert 'runs at its own times' not in text
+    assert 'runs at its own instants' not in text
     (line,) = [line for line in text.splitlines() if line.startswith('agent/transitions ')]
     assert line.split()[1:] == ['5', '0', '0', '0', '0', '0']

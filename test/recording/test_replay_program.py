@@ -138,7 +138,7 @@ def test_what_was_recorded_up_to_ctrl_c_can_be_replayed(beside: Any) -> None:
 
 
 @pytest.mark.parametrize('change, reason', [
-    (lambda path: path.write_bytes(b'nonsense'), 'no MCAP file|nothing|no recording'),
+    (lambda path: path.write_bytes(b'nonsense'), 'not an MCAP file'),
     (lambda path: path.unlink(), 'does not exist'),
 ])
 def test_what_is_no_recording_is_refused(robot: Any, change: Any, reason: str) -> None:
@@ -158,7 +158,7 @@ def test_a_recording_of_others_is_refused(robot: Any) -> None:
         writer.finish()
     code, text = robot.run(REPLAY, str(path))
     assert code == 2
-    assert 'no recording of record' in text
+    assert 'not a recording of record' in text
 
 
 def test_another_format_is_named(recording: Path, robot: Any) -> None:
@@ -170,7 +170,7 @@ def test_another_format_is_named(recording: Path, robot: Any) -> None:
         writer.finish()
     code, text = robot.run(REPLAY, str(path))
     assert code == 2
-    assert 'of format 99' in text and '9.1' in text
+    assert 'has format 99' in text and '9.1' in text
 
 
 def test_without_a_schedule_nothing_is_replayed(beside: Any) -> None:

@@ -211,7 +211,7 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.M
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, 'fsync', full)
-    with pytest.raises(BlackBoxError, match='No space left .*make room on the disk'):
+    with pytest.raises(BlackBoxError, match='No space left .*free space on the disk'):
         write_parts(parts(_example()), tmp_path / 'dump.rtbb.gz')
     assert list(tmp_path.iterdir()) == []
 
