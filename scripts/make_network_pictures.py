@@ -85,7 +85,7 @@ class House:
             x, y, _ = self.world.base.pose
             self.model.sink_at(x, y, 0.4)
             for frame in self._reader.feed(self.simulated.sample(time_s)):
-                self.model.take(self._decoder.decode(frame.packet), now_ns)
+                self.model.update(self._decoder.decode(frame.packet), now_ns)
         self.watch.evaluate(now_ns)
 
     def rows(self) -> list[NodeRow]:

@@ -107,8 +107,8 @@ def test_a_case_that_differs_or_cannot_be_read_says_how(
         'risk: Low instead of High', 'response: Low instead of High']
     assert second['problems'] == [
         "pulse_per_min: 'fast' cannot be parsed as a value",
-        'body_temperature: 368 degC is not plausible: must be 15 to 46;  it counts as missing',
-        "scale '7': it must be 1 or 2; 1 was used"]
+        'body_temperature: 368 degC is not plausible: must be 15 to 46; it counts as missing',
+        "scale '7': must be 1 or 2; 1 was used"]
     assert main(['news2', str(tmp_path / 'cases.json')]) == 1
     assert 'total: 0 instead of 4' in capsys.readouterr().out
 

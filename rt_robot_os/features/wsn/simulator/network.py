@@ -58,7 +58,8 @@ class Network:
     :ivar latencies_ns: from origin to sink, of each packet delivered.
     :ivar on_deliver: called with each packet that the sink delivers, including duplicates:
         ``on_deliver(mote, am_type, payload, origin, application)``.
-    :ivar on_note: called with each event of the protocols: ``on_note(now_ns, mote, event, numbers)``.
+    :ivar on_note: called with each event of the protocols:
+        ``on_note(now_ns, mote, event, numbers)``.
     """
 
     def __init__(self, medium: Medium, protocol: RouterFactory, *, mac: MacProfile = TINYOS2,
