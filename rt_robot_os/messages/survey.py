@@ -111,7 +111,7 @@ def node(text: str) -> SurveyedNode:
 def numbered(nodes: Sequence[SurveyedNode], where: str = 'nodes', first: int = 1
              ) -> tuple[SurveyedNode, ...]:
     """
-    Number the nodes, and check that no number, name or topic occurs twice.
+    Give the nodes numbers, and check that no number, name or topic occurs twice.
 
     :param where: the setting or file, for the errors.
     :param first: number of the first.
