@@ -67,8 +67,7 @@ class JournalHistory:
     generation: int = 0
 
     def living(self) -> list[StoredRecord]:
-        """Return what a service needs to continue: the newest record of each open alarm, and the
-        last record."""
+        """Return the newest record of each open alarm, and the last record."""
         last = max((each.seq for each in self.records), default=0)
         return sorted(each for each in newest(self.records).values()
                       if each.is_needed or each.seq == last)

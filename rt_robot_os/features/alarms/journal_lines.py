@@ -211,8 +211,9 @@ def newest(records: Iterable[StoredRecord]) -> dict[str, StoredRecord]:
 
 def retained(records: Iterable[StoredRecord], history_bytes: int) -> list[StoredRecord]:
     """
-    Return the records that a new file carries: those a restart needs, the last one, the newest of
-    the rest.
+    Return the records that a new file carries.
+
+    They are those that a restart needs, the last one, and the newest of the rest.
 
     :param history_bytes: about how many bytes of records that no restart needs.
     """

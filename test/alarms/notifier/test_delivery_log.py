@@ -124,7 +124,7 @@ def test_a_full_disk_is_told_and_leaves_no_half_line(
     assert not store.keep('three\n')
 
 
-def test_a_file_that_has_grown_is_written_anew_or_left_alone(
+def test_a_file_that_has_grown_is_rewritten_or_stays_unmodified(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / 'deliveries.jsonl'
     path.write_text('x\n' * (LINES_SPARE + 3))
@@ -138,7 +138,7 @@ def test_a_file_that_has_grown_is_written_anew_or_left_alone(
     with monkeypatch.context() as patch:
         patch.setattr(os, 'replace', broken)
         store.rewrite(['a\n'])
-    assert 'cannot be written anew' in store.problem and store.is_long(2)
+    assert 'cannot be rewritten' in store.problem and store.is_long(2)
     assert os.listdir(tmp_path) == ['deliveries.jsonl']
     store.rewrite(['a\n', 'b\n'])
     assert store.keep('c\n') and path.read_text() == 'a\nb\nc\n'
