@@ -123,7 +123,7 @@ class Mirror:
 
     @property
     def missed(self) -> int:
-        """Number of samples that the client lost, without those it asked to skip."""
+        """Return how many samples the client lost, without those it asked to skip."""
         return self.full + self.subscription.lost
 
     def send_due(self, now_ns: int) -> bool:

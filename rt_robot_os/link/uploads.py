@@ -269,7 +269,7 @@ class Uploader(Protocol):
 
     @property
     def uploads(self) -> Uploads:
-        """The samples that wait."""
+        """Return the samples that wait."""
 
     def publish_upload(self) -> int:
         """Publish the first of the samples; return its length in bytes."""

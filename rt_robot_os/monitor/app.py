@@ -41,7 +41,6 @@ from rt_robot_os.monitor.api import export
 from rt_robot_os.monitor.api import maps
 from rt_robot_os.monitor.api import media
 from rt_robot_os.monitor.api import observations
-from rt_robot_os.monitor.api.models import ErrorAnswer
 from rt_robot_os.monitor.api import residents as residents_api
 from rt_robot_os.monitor.api import robot_sockets
 from rt_robot_os.monitor.api import robots
@@ -50,6 +49,7 @@ from rt_robot_os.monitor.api import status
 from rt_robot_os.monitor.api import users
 from rt_robot_os.monitor.api import voice
 from rt_robot_os.monitor.api.answers import away
+from rt_robot_os.monitor.api.models import ErrorAnswer
 from rt_robot_os.monitor.live import residents
 from rt_robot_os.monitor.page_files import PageFiles
 from rt_robot_os.monitor.security.protection import protect

@@ -122,7 +122,7 @@ class Bag:
 
     @property
     def silent(self) -> list[str]:
-        """Requested topics without any message."""
+        """Return the requested topics without any message."""
         counts: dict[str, int] = {}
         for file in self._files:
             for facts, count in file.counts.items():

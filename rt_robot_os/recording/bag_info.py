@@ -94,7 +94,7 @@ class FileFacts:
 
     @property
     def messages(self) -> int:
-        """The number of messages."""
+        """Return the number of messages."""
         return sum(self.counts.values())
 
 

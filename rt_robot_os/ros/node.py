@@ -126,7 +126,7 @@ class RobotNode(LifecycleNode):
 
     @property
     def settings(self) -> RobotSettings:
-        """The current settings, including changes at run time."""
+        """Return the current settings, including changes at run time."""
         return self._robot_parameters.settings
 
     # ---- lifecycle ---------------------------------------------------------------------------

@@ -114,7 +114,6 @@ def _simulators() -> PluginRegistry[Any]:
 def _simulator(name: str) -> PartKind:
     from rt_robot_os.devices.simulators import SIMULATORS
     from rt_robot_os.sim.base import RobotSite
-    from rt_robot_os.sim.base import RobotSite
     cls = SIMULATORS.load(name)
 
     def check(section: str, values: Mapping[str, Any], device: Mapping[str, Any]) -> None:

@@ -127,7 +127,8 @@ def contradictions(
     rules = dict.fromkeys(kernel_rules(period_ns=period_ns, preemptive=not cooperative,
                                        can_be_safe=not never_safe, **keywords))
     if not period_ns and task.logical_execution:
-        rules[DeclarationRule.LOGICAL_WITHOUT_END] = None  # a deadline is not enough in the settings
+        # A deadline is not enough in the settings.
+        rules[DeclarationRule.LOGICAL_WITHOUT_END] = None
     if DeclarationRule.LIMIT_WITH_STOP in rules:
         rules.pop(DeclarationRule.LIMIT_WITHOUT_POLICY, None)  # one remedy for one key
     period = '' if rate_hz is None else (

@@ -416,7 +416,7 @@ def test_the_time_on_the_wire() -> None:
 def test_two_chips_of_one_address_are_refused(tmp_path: Path) -> None:
     port = I2cPort(tmp_path / 'bus')
     SimulatedBmp280('one', {}, port)
-    with pytest.raises(ConfigError, match='two: address 0x76 is that of one: give each chip its own'):
+    with pytest.raises(ConfigError, match='two: address 0x76 is that of one: give each chip its'):
         SimulatedMs5611('two', {}, port, 0x76)
 
 

@@ -127,7 +127,7 @@ def test_too_many_that_wait_for_a_process_is_an_error_not_a_wait(tmp_path: Path)
     listener.bind(str(tmp_path / 'bus'))
     listener.listen(1)
     buses, taken = I2cBuses(), []
-    with pytest.raises(DeviceError, match='too many connections wait for the process that serves it'):
+    with pytest.raises(DeviceError, match='too many connections wait for the process that serves'):
         for _ in range(20):
             taken.append(buses.acquire(str(tmp_path / 'bus')))
     for bus in taken:

@@ -93,7 +93,7 @@ def test_a_look_up_that_hangs_holds_up_nobody(
     host = look_up('import sys; sys.stdin.close(); import time; time.sleep(60)')
     host.prepare()
     for _ in range(3):
-        with pytest.raises(DeviceError, match='is being looked up; if that takes long, check the netw'):
+        with pytest.raises(DeviceError, match='is being looked up; if that takes long, check the'):
             host.take()
 
 

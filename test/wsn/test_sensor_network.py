@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import pytest
 from rt_robot_os.base.errors import ConfigError
-from rt_robot_os.features.wsn.sensor_network import SensorNetwork
+from rt_robot_os.features.wsn.sensor_network.module import SensorNetwork
 from rt_robot_os.messages.network_rows import names_of
 from rt_robot_os.messages.network_rows import NodeRow
 from rt_robot_os.messages.network_rows import NodeState

@@ -256,7 +256,7 @@ class SoundBlocks:
 
     @property
     def overruns(self) -> int:
-        """Number of losses in the source."""
+        """Return the number of losses in the source."""
         return self._source.overruns
 
     def frames(self) -> Iterator[Block]:

@@ -77,8 +77,8 @@ class FusedPose(NamedTuple):
     marks: tuple[int, ...]
 
 
-def sighting(mark: CeilingMark, landmark: CeilingLandmark, angle_sign: int, angle_offset_rad: float,
-             height_m: float) -> LandmarkSighting:
+def sighting(mark: CeilingMark, landmark: CeilingLandmark, angle_sign: int,
+             angle_offset_rad: float, height_m: float) -> LandmarkSighting:
     """
     Transform the measurement of a mark to the map; safe in the loop.
 

@@ -107,7 +107,8 @@ def graph_of(numbers: Sequence[float]) -> tuple[list[Point], list[GraphEdge]]:
     count = int(numbers[1]) if 0 <= numbers[1] <= len(numbers) else 0
     end = 2 + 2 * count
     if count != numbers[1] or end > len(numbers):
-        raise ValueError(f'not a graph: {len(numbers)} numbers are too few for {numbers[1]:g} nodes')
+        raise ValueError(
+            f'not a graph: {len(numbers)} numbers are too few for {numbers[1]:g} nodes')
     points = list(zip(numbers[2:end:2], numbers[3:end:2]))
     edges = [(int(a), int(b), int(kind)) for a, b, kind in zip(*[iter(numbers[end:])] * 3)
              if 0 <= a < count and 0 <= b < count and 0 <= kind <= max(EdgeKind)]

@@ -21,7 +21,7 @@ from rt_robot_os.base.features import Feature
 FEATURE: Final = Feature(
     summary='The wireless sensor network: packets, routing, its model, its simulator',
     modules={
-        'sensor_network': '.sensor_network:SensorNetwork',
+        'sensor_network': '.sensor_network.module:SensorNetwork',
         'sensor_readings': '.sensor_readings:SensorReadings',
     },
     devices={

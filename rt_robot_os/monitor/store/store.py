@@ -16,8 +16,8 @@
 The database of the monitor, as the server uses it.
 
 Every method may be called from any thread, and blocks: from asyncio call it in a thread, and write
-records through :class:`~rt_robot_os.monitor.store.writer.RecordWriter`. ``people`` is whom somebody may
-see: None is everybody.
+records through :class:`~rt_robot_os.monitor.store.writer.RecordWriter`. ``people`` limits the
+result to residents that the account may see; None is all of them.
 """
 
 from __future__ import annotations

@@ -82,8 +82,8 @@ class Stream:
         """
         Return the chains by which tasks below a level release it, when nothing else does.
 
-        Of each chain: the tasks from the first of that level. Empty when another event releases it,
-        or when the releases do not come within the job of a parent.
+        Of each chain: the tasks from the first of that level. Empty when another event releases
+        it, or when the releases do not come within the job of a parent.
         """
         if self.promiser is not None and not self.promiser.logical and (
                 self.promiser.priority < level):

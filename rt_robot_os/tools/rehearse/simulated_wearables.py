@@ -67,8 +67,8 @@ class SimulatedWearables:
             if person.name not in self.off:
                 publish(now_ns)
 
-    def _inertial(self, fixture: CoreFixture, person: SimulatedPerson, topic: str) -> Callable[[int],
-                                                                                       None]:
+    def _inertial(self, fixture: CoreFixture, person: SimulatedPerson,
+                  topic: str) -> Callable[[int], None]:
         publisher = fixture.publisher(topic)
 
         def publish(now_ns: int) -> None:

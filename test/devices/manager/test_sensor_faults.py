@@ -263,7 +263,8 @@ def test_valid_frames_without_a_sample_are_a_warning_with_a_remedy_told_once(
     assert (device.state, device.faults) == (DeviceState.ACTIVE, 0)
     assert robot.texts() == []
     text, = robot.texts(Severity.WARN)
-    assert text.startswith('d: 0 valid frames, but no sample for 1 s: check which messages the device is')
+    assert text.startswith(
+        'd: 0 valid frames, but no sample for 1 s: check which messages the device is')
     assert device.statistics().reason == text.removeprefix('d: ')
 
 

@@ -45,10 +45,10 @@ class News2Watch:
 
     def __init__(self, for_ns: int, clear_ns: int) -> None:
         """
-                Start without an alarm.
+        Start without an alarm.
 
-                :param for_ns: time for which a score must be high before an alarm starts.
-                :param clear_ns: time for which it must be lower before the alarm ends.
+        :param for_ns: time for which a score must be high before an alarm starts.
+        :param clear_ns: time for which it must be lower before the alarm ends.
         """
         self.level: Level | None = None
         self._levels = [(level, risk, Debounce(for_ns, clear_ns))

@@ -57,9 +57,9 @@ class Trend:
 
     def put(self, value: float, stamp_ns: int) -> bool:
         """
-                Add a value; stamps never decrease.
+        Add a value; stamps never decrease.
 
-                :return: whether :attr:`change` was updated, which it is at the end of a part.
+        :return: whether :attr:`change` was updated, which it is at the end of a part.
         """
         part = stamp_ns // self._part_ns
         is_new = part != self._part and self._count > 0

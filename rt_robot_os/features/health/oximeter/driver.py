@@ -15,7 +15,6 @@
 """
 Pulse oximeters with Nonin's serial data formats 2 and 7.
 
-
 The device sends its values, the waveform and their quality three times a second. Only valid
 values are published: those that the device marks as missing (511 and 127), implausible ones, and
 those without a finger or without a pulse are counted and not published. The driver uses the

@@ -91,7 +91,7 @@ class ReachableGround:
 
 def _squares(standing: Mask, edge: int, resolution_m: float
              ) -> tuple[npt.NDArray[np.int32], Any]:
-    """Number the squares with ground, -1 for others; return the steps between them, too."""
+    """Return numbers for the squares with ground, -1 for others, and the steps between."""
     from scipy import sparse
     rows, columns = (math.ceil(each / edge) for each in standing.shape)
     padded = np.pad(standing, ((0, rows * edge - standing.shape[0]),

@@ -12,10 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 Reference results of TOSSIM and of real firmware, from a folder.
-
 
 ``tossim_reference.json`` is a list of runs: ``variant`` (``lqi32``: MultiHopLQI with beacons each
 32 s; ``ctp``), ``topology`` (of ``tossim_NAME.topo.txt``), ``noise`` (of ``noise_NAME.txt.gz``),

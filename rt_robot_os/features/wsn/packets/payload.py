@@ -75,7 +75,6 @@ class PayloadField:
     """
     One field.
 
-
     A field named ``origin``, ``seqno``, ``parent`` or ``hops`` sets that of the packet, if no
     header of the routing has it. An unsigned field named ``seq_no`` counts the packets of its
     origin: gaps are losses.

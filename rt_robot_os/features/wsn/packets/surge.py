@@ -15,7 +15,6 @@
 """
 Messages of Surge, an application of TinyOS 1.x that sends readings to a sink and obeys commands.
 
-
 SurgeTelos (telos, micaz) and the original Surge of mica2 differ in their layout.
 """
 

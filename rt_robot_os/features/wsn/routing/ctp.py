@@ -67,12 +67,12 @@ class Ctp(Router):
 
     @property
     def beacons(self) -> int:
-        """Number of sent beacons."""
+        """Return the number of sent beacons."""
         return self._routing.beacons
 
     @property
     def parent_changes(self) -> int:
-        """Number of changes of the parent."""
+        """Return the number of changes of the parent."""
         return self._routing.changes
 
     def start(self) -> None:

@@ -13,7 +13,3 @@
 # limitations under the License.
 
 """The model of a sensor network: its nodes, routes, losses, batteries and positions."""
-
-from rt_robot_os.features.wsn.sensor_network.module import SensorNetwork
-
-__all__ = ['SensorNetwork']
