@@ -16,8 +16,8 @@
 The database of the monitor, as the server uses it.
 
 Every method may be called from any thread, and blocks: from asyncio call it in a thread, and write
-records through :class:`~rt_robot_os.monitor.store.writer.RecordWriter`. ``people`` is whom somebody may
-see: None is everybody.
+records through :class:`~rt_robot_os.monitor.store.writer.RecordWriter`. ``people`` are those whom
+a user may see: None for all.
 """
 
 from __future__ import annotations
