@@ -36,7 +36,7 @@ setup(
     version='0.1.0',
     packages=find_packages(include=[package_name, package_name + '.*']),
     package_data={package_name: ['py.typed', 'devices/*/page.md', 'features/*/*/page.md',
-                                 'base/compiled/*.c', 'kernel/*.[ch]', 'linux/*.c', 'topics/*.c',
+                                 '*/_*.[ch]',
                                  'monitor/page/*.*', 'monitor/page/*/*.*', 'monitor/page/*/*/*.*',
                                  'tools/plan/typical.json', 'tools/new/templates/*.in']},
     data_files=[

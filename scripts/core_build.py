@@ -27,9 +27,10 @@ import sys
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from rt_robot_os.base.compiled import C_SOURCES  # noqa: E402, I100
+from rt_robot_os.base.compiled import c_files  # noqa: E402, I100
 from rt_robot_os.base.compiled import sources_digest  # noqa: E402
 
+C_SOURCES = c_files(ROOT / 'rt_robot_os', '.c')
 COPIED = ('rt_robot_os', 'test', 'scripts', 'setup.py', 'setup.cfg', 'pyproject.toml',
           'package.xml', 'resource', 'config', 'launch', 'docs', 'README.md')
 STABLE = ('-DPy_LIMITED_API=0x030B0000',)

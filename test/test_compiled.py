@@ -44,6 +44,7 @@ except ImportError as error:
     print('refused:', error)
 """
 USED = 'True True False compiled with '
+SOURCES, HEADERS = compiled.c_files(PACKAGE, '.c'), compiled.c_files(PACKAGE, '.h')
 NOT_COMPILED = 'False False False pure Python: it was not compiled'
 STALE = 'False False True pure Python: its C sources changed after it was compiled'
 
@@ -109,7 +110,7 @@ def test_it_is_not_used_when_that_is_forbidden(copy: Path) -> None:
     assert ask(copy, '0') == 'False False False pure Python: RT_ROBOT_OS_COMPILE=0'
 
 
-@pytest.mark.parametrize('name', [*compiled.C_SOURCES, *compiled.C_HEADERS])
+@pytest.mark.parametrize('name', [*SOURCES, *HEADERS])
 def test_a_binary_of_other_c_sources_is_not_used(copy: Path, name: str) -> None:
     edit(copy, name)
     told = ask(copy)
@@ -132,7 +133,7 @@ def test_a_package_without_its_c_sources_trusts_its_binary(copy: Path) -> None:
 
 
 def test_a_package_with_a_part_of_them_does_not(copy: Path) -> None:
-    (copy / compiled.PACKAGE / compiled.C_SOURCES[0]).unlink()
+    (copy / compiled.PACKAGE / SOURCES[0]).unlink()
     assert ask(copy).startswith(STALE)
 
 
@@ -186,7 +187,7 @@ def test_a_program_says_in_one_line_that_it_cannot_have_the_build(switch: str, w
 
 def test_each_c_file_of_the_package_counts() -> None:
     assert sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob('*.[ch]')) == (
-        sorted((*compiled.C_SOURCES, *compiled.C_HEADERS)))
+        sorted((*SOURCES, *HEADERS)))
 
 
 def test_what_is_missing_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -230,13 +231,13 @@ def test_a_binary_that_fits_is_not_made_again(
     for path in copy.rglob('*.c'):
         path.touch()  # as after a fresh clone
     assert build_with(failing, copy, '1')[0] == 0
-    edit(copy, 'kernel/_core.h')
+    edit(copy, 'base/_core.h')
     assert build_with(failing, copy, '1')[0] == 1
 
 
 def test_a_fault_of_the_compiler_leaves_pure_python_unless_it_is_demanded(
         copy: Path, failing: Path) -> None:
-    edit(copy, 'kernel/_core.h')
+    edit(copy, 'base/_core.h')
     code, _, told = build_with(failing, copy)
     assert code == 0
     assert 'rt_robot_os: pure Python, it could not be compiled: command' in told
@@ -258,5 +259,5 @@ def test_the_c_sources_have_no_warnings(compiler: str, stable: bool) -> None:
               if stable or name != 'Py_LIMITED_API']
     done = subprocess.run(
         [compiler, '-fsyntax-only', *WARNINGS, *macros, '-isystem', include,
-         *(str(PACKAGE / name) for name in compiled.C_SOURCES)], capture_output=True, text=True)
+         *(str(PACKAGE / name) for name in SOURCES)], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, '')

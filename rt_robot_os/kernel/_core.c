@@ -21,7 +21,7 @@
  * change of those files is made here as well (docs/testing_the_core.md).
  */
 
-#include "_core.h"
+#include "../base/_core.h"
 
 #define NS_PER_S 1000000000LL
 #define ONE_SHOT_ORDER (1LL << 32)

@@ -16,7 +16,7 @@
 
 /* What each job uses of a task, and the black box: task_core.py and black_box.py in C. */
 
-#include "_core.h"
+#include "../base/_core.h"
 
 PyTypeObject *task_type, *black_box_type;
 

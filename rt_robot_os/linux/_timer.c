@@ -26,7 +26,7 @@
 #include <signal.h>
 #include <time.h>
 
-#include "../kernel/_core.h"
+#include "../base/_core.h"
 
 #define NS_PER_S 1000000000LL
 

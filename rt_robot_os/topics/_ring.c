@@ -26,7 +26,7 @@
  * meanwhile. x86-64 does that with plain moves, arm64 does not.
  */
 
-#include "../kernel/_core.h"
+#include "../base/_core.h"
 
 #include <string.h>
 

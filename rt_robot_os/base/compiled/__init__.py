@@ -45,11 +45,6 @@ PACKAGE: Final = 'rt_robot_os'
 EXTENSION: Final = f'{PACKAGE}._core'
 SWITCH: Final = 'RT_ROBOT_OS_COMPILE'
 
-# The sources of the extension; they include the header.
-C_SOURCES: Final = ('base/compiled/_module.c', 'kernel/_core.c', 'kernel/_task.c',
-                    'linux/_timer.c', 'topics/_ring.c')
-C_HEADERS: Final = ('kernel/_core.h',)
-
 #: The extension module, or None; decided on first access (``__getattr__``).
 NATIVE: Any
 
@@ -87,12 +82,21 @@ def wanted() -> bool | None:
     return {'': None, '0': False, '1': True}[value]
 
 
+def c_files(package: Path, suffix: str) -> list[str]:
+    """
+    Return the C files of a package, sorted, from its folder: those whose names begin with ``_``.
+
+    :param suffix: ``.c`` for the sources of the extension, ``.h`` for what they include.
+    """
+    return sorted(path.relative_to(package).as_posix() for path in package.glob(f'*/_*{suffix}'))
+
+
 def sources_digest(package: Path) -> str:
-    """Return the hash of the C sources of a package; empty when it has none."""
-    paths = [package / name for name in (*C_SOURCES, *C_HEADERS)]
-    texts = [path.read_bytes() if path.is_file() else b'' for path in paths]
-    if not any(texts):
+    """Return the hash of the C files of a package; empty when it has none."""
+    names = [*c_files(package, '.c'), *c_files(package, '.h')]
+    if not names:
         return ''
+    texts = (name.encode() + (package / name).read_bytes() for name in names)
     return sha256(b'\0'.join(sha256(text).digest() for text in texts)).hexdigest()
 
 

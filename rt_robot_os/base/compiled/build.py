@@ -29,8 +29,7 @@ import sys
 import sysconfig
 from typing import Final
 
-from rt_robot_os.base.compiled import C_HEADERS
-from rt_robot_os.base.compiled import C_SOURCES
+from rt_robot_os.base.compiled import c_files
 from rt_robot_os.base.compiled import EXTENSION
 from rt_robot_os.base.compiled import is_made_of
 from rt_robot_os.base.compiled import PACKAGE
@@ -82,8 +81,8 @@ def extensions() -> list[Extension]:
     why = obstacle()
     if why is None:
         return [Extension(
-            EXTENSION, [f'{PACKAGE}/{name}' for name in C_SOURCES],
-            depends=[f'{PACKAGE}/{name}' for name in C_HEADERS],
+            EXTENSION, [f'{PACKAGE}/{name}' for name in c_files(Path(PACKAGE), '.c')],
+            depends=[f'{PACKAGE}/{name}' for name in c_files(Path(PACKAGE), '.h')],
             define_macros=list(macros(Path(PACKAGE)).items()), py_limited_api=STABLE,
             extra_compile_args=['-std=c11', '-fvisibility=hidden', *WARNINGS],
             optional=not wanted())]

@@ -16,10 +16,10 @@
 
 /*
  * The extension module rt_robot_os._core: the other sources add their types to it. SOURCES and BUILD
- * say from which sources and how it was built; compiled/__init__.py decides whether it is used.
+ * say from which sources and how it was built; base/compiled/__init__.py decides whether it is used.
  */
 
-#include "../../kernel/_core.h"
+#include "_core.h"
 
 #if defined(__clang__)
 #define COMPILER __VERSION__
