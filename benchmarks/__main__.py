@@ -31,8 +31,8 @@ from rt_robot_os.tools.bench.registry import CASES
 
 #: What each measures; README.md shows the same lines.
 COMMANDS: Mapping[str, str] = {
-    'attitude_comparison': 'filters of attitude on recordings, beside those of other packages',
-    'compare_trees': 'small costs of the kernel in two trees, in both builds, beside bare loops',
+    'attitude_comparison': 'attitude filters on recordings, compared with those of other packages',
+    'compare_trees': 'small costs of the kernel in two trees, both builds, and bare loops',
     'first_sample': 'how long a newcomer waits from a fresh clone to the first sample',
     'load_monitor': 'a server of the monitor under load, as JSON',
     'mapping_accuracy': 'the tables of docs/mapping_accuracy.md, from recorded logs',

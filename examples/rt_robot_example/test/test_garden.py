@@ -41,4 +41,4 @@ def test_an_encoded_packet_is_decoded() -> None:
 def test_a_truncated_packet_has_no_readings() -> None:
     found = PacketDecoder(payloads=[SOIL]).decode(RECEIVED[:-2], stack='tinyos2')
     assert found.readings == {}
-    assert found.problem == 'its length byte says 10, 8 bytes of payload are there'
+    assert found.problem == 'its length byte is 10, but the payload has 8 bytes'
