@@ -282,7 +282,7 @@ def wrong(scenario: Scenario) -> Iterator[Wrong]:
     elif scenario.longest_interval_binary_ms is not None:
         yield 'longest_interval_binary_ms', 'must be left out: only ctp has it'
     if scenario.renew_m is not None and (scenario.protocol != 'paper' or not scenario.sink.way):
-        yield 'renew_m', 'must be left out: it is for protocol: paper and a sink with a way'
+        yield 'renew_m', 'must be left out: it requires protocol: paper and a route of the sink'
     for owner, prefix, key in ((scenario, '', 'beacon_period'),
                                (scenario.traffic, 'traffic.', 'period')):
         if None not in (getattr(owner, f'{key}_ms'), getattr(owner, f'{key}_binary_ms')):
@@ -305,11 +305,11 @@ def _wrong_topology(topology: TopologySettings, sink: SinkSettings) -> Iterator[
     if not kinds:
         yield 'topology', f'must have one of {", ".join(_KINDS)}, such as grid: 4x5'
     for key in kinds[1:]:
-        yield f'topology.{key}', f'must be left out: {kinds[0]} says already which nodes there are'
+        yield f'topology.{key}', f'must be left out: {kinds[0]} already defines the nodes'
     if kinds and kinds[0] in ('links', 'tossim'):
         unplaced: tuple[tuple[Any, str, str], ...] = (
-            (topology.map, 'topology.map', 'the file has the links themselves'),
-            (sink.way, 'sink.way', 'the links come from a file, and no node has a place; write '
+            (topology.map, 'topology.map', 'the file defines the links'),
+            (sink.way, 'sink.way', 'the links are from a file, and nodes have no position; write '
              '@ lines into a links file'))
         for value, key, why in unplaced:
             if value:
