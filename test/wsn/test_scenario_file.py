@@ -104,7 +104,7 @@ def test_a_file_of_links_has_no_noise_and_no_places(write) -> None:
 
 @pytest.mark.parametrize('text, said', [
     ('seconds: 10', 'topology must have one of grid, random, nodes, nodes_file, links, tossim'),
-    ('topology: {grid: 2x2, random: 5}', 'topology.random = 5: must be left out: grid says'),
+    ('topology: {grid: 2x2, random: 5}', 'topology.random = 5: must be left out: grid already'),
     ('topology: {grid: 2by2}', 'must be rows x columns'),
     ('topology: {grid: 1x1}', '1 nodes: there must be from 2'),
     ('topology: {grid: 2x2}\nsink: {id: 4}', 'sink.id = 4: must be from 0 to 3'),
