@@ -87,10 +87,9 @@ faults:
         "F:2: topology.gird: unknown key, did you mean 'grid'?",
         'F:2: topology.spacing_m = -8: must be a number from 0.01 to 10000 (m)',
         "F:3: protocl: unknown key, did you mean 'protocol'?",
-        "F:4: sink.place = [1, 'x']: ROS 2 wants a list of one type: quote what is meant to be "
-        'text',
+        "F:4: sink.place = [1, 'x']: ROS 2 requires a list of one type: quote strings",
         "F:4: sink.way = '1': must be x y, or x y stay SECONDS",
-        "F:6: faults = 'kil 5 at 120': 'kil' is nothing that happens: there are kill, boot, "
+        "F:6: faults = 'kil 5 at 120': 'kil' is not an event: there are kill, boot, "
         'reboot, sleep, silence, move, noise',
         "F:7: faults = 'noise 10 at 3': must be noise DB at S for S"]
 
@@ -105,14 +104,14 @@ def test_a_file_of_links_has_no_noise_and_no_places(write) -> None:
 
 @pytest.mark.parametrize('text, said', [
     ('seconds: 10', 'topology must have one of grid, random, nodes, nodes_file, links, tossim'),
-    ('topology: {grid: 2x2, random: 5}', 'topology.random = 5: must be left out: grid says'),
+    ('topology: {grid: 2x2, random: 5}', 'topology.random = 5: must be left out: grid already'),
     ('topology: {grid: 2by2}', 'must be rows x columns'),
     ('topology: {grid: 1x1}', '1 nodes: there must be from 2'),
     ('topology: {grid: 2x2}\nsink: {id: 4}', 'sink.id = 4: must be from 0 to 3'),
     ('topology: {nodes: [a 1 2 3]}', 'sink.place is missing'),
     ('topology: {nodes: [a 1 2]}', "topology.nodes = 'a 1 2': must be: name x y height"),
     ('topology: {links: none.txt}', 'none.txt: cannot be read: there is no such file'),
-    ('topology: {grid: 2x2}\nprotocol: ctp\nbeacon_period_ms: 10', 'ctp times its beacons itself'),
+    ('topology: {grid: 2x2}\nprotocol: ctp\nbeacon_period_ms: 10', 'period of ctp is adaptive'),
     ('topology: {grid: 2x2}\nlongest_interval_binary_ms: 1024', 'only ctp has it'),
     ('topology: {grid: 2x2}\nradio: {cut_off_frames: kept}', 'kept needs links'),
     ('topology: {grid: 2x2}\nprotocol: paper\ntinyos: 2', 'tinyos = 2: must be 1'),

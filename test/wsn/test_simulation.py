@@ -205,7 +205,7 @@ def test_ctrl_c_shows_what_there_is(
     assert run(['simulate', str(chain), '--json']) == 130
     assert json.loads(capsys.readouterr().out)['seconds'] == 50.0
     assert run(['simulate', str(chain), '--seeds', '2', '--jobs', '1']) == 130
-    assert 'nothing was complete' in capsys.readouterr().out
+    assert 'no run was completed' in capsys.readouterr().out
 
 
 def test_figure_6_of_the_paper_takes_the_way_of_the_paper() -> None:

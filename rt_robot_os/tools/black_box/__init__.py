@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Dumps of the black box outside of the kernel: files, and what people and programs read.
+Dumps of the black box outside of the kernel: files, reports and exports.
 
 The ring itself is :mod:`rt_robot_os.kernel.black_box`.
 """
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 def __getattr__(name: str) -> Any:
     """
-    Return what stands in `public`: the program begins before the kernel and all of this is loaded.
+    Return a name of `public`, which is loaded on demand: the program starts without the kernel.
 
-    :raises AttributeError: it does not.
+    :raises AttributeError: there is no such name.
     """
     if name.startswith('_'):
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

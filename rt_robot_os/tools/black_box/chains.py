@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Chains of jobs in a dump: which job released which, from one task to another.
+Chains of jobs in a dump: each job released the next, from one task to another.
 
-A job was released by the one that had the CPU at that moment, if that published something just
-then: there is one CPU, and publications release tasks immediately. So the dump alone shows the
-path of an alarm through a robot, without its configuration.
+A job was released by the job that had the CPU at that moment, if that one published something at
+the same time: there is one CPU, and publications release tasks immediately. So the dump alone
+shows the path of an alarm through a robot, without its configuration.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ from rt_robot_os.tools.black_box.history import Job
 from rt_robot_os.tools.black_box.history import Outcome
 from rt_robot_os.tools.black_box.text_report import duration
 
-# A longer path is a circle that feeds itself.
+# A longer path is a cycle of tasks that release each other.
 _MOST_STAGES: Final = 64
-# So far apart the kernel notes a publication and the releases that it makes.
+# Largest time between the record of a publication and the releases that it causes.
 _NOTED_NS: Final = 5 * NS_PER_US
 
 
 @dataclass(frozen=True)
 class Chain:
     """
-    Jobs of which each released the next.
+    Jobs, each of which released the next.
 
     :ivar jobs: in order.
     """
@@ -63,8 +63,8 @@ def find_chains(history: History, names: Sequence[str]) -> tuple[Chain, ...]:
     """
     Find all chains from one task to another, in order of time.
 
-    :param names: of the tasks on the path, two or more; others may be between them. A device is
-        meant by its name, whichever of its tasks it is.
+    :param names: of the tasks on the path, two or more; others may be between them. The name of
+        a device stands for any of its tasks.
     :raises BlackBoxError: a task is not in the dump.
     """
     for name in names:
@@ -85,14 +85,14 @@ def find_chains(history: History, names: Sequence[str]) -> tuple[Chain, ...]:
 
 def chain_text(history: History, names: Sequence[str], last: int = 3) -> str:
     """
-    Write the chains from one task to another: a summary, the longest, and the last ones.
+    Format the chains from one task to another: a summary, the longest, and the last ones.
 
-    :param last: how many of the last ones.
+    :param last: number of the last ones.
     :raises BlackBoxError: a task is not in the dump, or there is no such chain in it.
     """
     found = find_chains(history, names)
     if not found:
-        raise BlackBoxError(f'no job of {names[-1]!r} in this dump goes back to one of '
+        raise BlackBoxError(f'no job of {names[-1]!r} in this dump was caused by one of '
                             f'{names[0]!r}' + (f' through {", ".join(names[1:-1])}'
                                                if names[2:] else ''))
     lengths = sorted(chain.length_ns for chain in found)
@@ -130,7 +130,7 @@ def _tasks(history: History, name: str) -> frozenset[int]:
 
 
 def _parents(history: History) -> Mapping[int, Job]:
-    """Return which job released a job, by the identity of the job; those of timers are absent."""
+    """Return the job that released each job, by identity; without jobs released by timers."""
     runs = sorted((start_ns, end_ns, number) for number, job in enumerate(history.jobs)
                   for start_ns, end_ns in job.slices)
     starts = [run[0] for run in runs]
@@ -142,9 +142,9 @@ def _parents(history: History) -> Mapping[int, Job]:
     for job in history.jobs:
         at = bisect_right(starts, job.release_ns) - 1
         if at >= 0 and history.jobs[runs[at][2]] is job:
-            at -= 1  # it began immediately
+            at -= 1  # it started immediately
         if at < 0 or runs[at][1] < job.release_ns:
-            continue  # nothing ran
+            continue  # no job was running
         parent = history.jobs[runs[at][2]]
         times = published.get(parent.task, [])
         last = bisect_right(times, job.release_ns + _NOTED_NS) - 1

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What a plot of a dump shows, as boxes and marks in plain values; ``drawing`` draws it."""
+"""The content of a plot of a dump, as boxes and marks; ``chart_drawing`` draws it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ DEFAULT_NS = 50 * NS_PER_MS
 _AFTER_FAULT_NS = 10 * NS_PER_MS
 _RECENT_NS = NS_PER_S
 
-Box = tuple[float, float]  # from, how long; milliseconds before the dump are negative
+Box = tuple[float, float]  # start and length in ms; before the dump the start is negative
 
 
 @dataclass
@@ -63,11 +63,11 @@ class Row:
 @dataclass(frozen=True)
 class Chart:
     """
-    All of a plot.
+    The content of a plot.
 
-    :ivar from_ms: its left end, relative to the dump.
-    :ivar rows: from the top down: tasks by priority, then resources.
-    :ivar quiet: tasks that did nothing in this time.
+    :ivar from_ms: its left edge, relative to the dump.
+    :ivar rows: from top to bottom: tasks by priority, then resources.
+    :ivar quiet: tasks without activity in this time.
     """
 
     title: str
@@ -79,7 +79,7 @@ class Chart:
 
 
 def window(history: History) -> tuple[int, int]:
-    """Choose what to show: the time about a fault of the last second, else the end."""
+    """Choose the time to show: around a fault in the last second, else the end."""
     at_ns = fault_ns(history)
     to_ns = history.to_ns
     if at_ns is not None and to_ns - at_ns < _RECENT_NS:
@@ -89,9 +89,9 @@ def window(history: History) -> tuple[int, int]:
 
 def chart_of(history: History, from_ns: int, to_ns: int) -> Chart:
     """
-    Choose what happened between two moments.
+    Select the activity between two times.
 
-    :raises BlackBoxError: nothing did.
+    :raises BlackBoxError: there is none.
     """
     return _Chart(history, from_ns, to_ns).chart()
 
@@ -137,7 +137,7 @@ class _Chart:
         return self._from_ns <= at_ns <= self._to_ns
 
     def _box(self, boxes: list[Box], from_ns: int, to_ns: int) -> None:
-        """Add the part of a box that is inside the plot."""
+        """Add the part of a box inside the plot."""
         first_ns, last_ns = max(from_ns, self._from_ns), min(to_ns, self._to_ns)
         if first_ns < last_ns:
             boxes.append((self._ms(first_ns), (last_ns - first_ns) / NS_PER_MS))

@@ -14,9 +14,9 @@
 
 
 """
-Draw a chart as SVG or PNG, by matplotlib where it is installed.
+Draw a chart as SVG or PNG with matplotlib, if it is installed.
 
-It is an extra and never a dependency of the core; without it there are `show` and `export`.
+It is an extra, not a dependency of the core; `show` and `export` work without it.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from rt_robot_os.tools.black_box.chart import Row
 
 FORMATS = ('.svg', '.png')
 _WIDTH_INCHES, _ROW_INCHES, _FRAME_INCHES, _DPI = 16.0, 0.62, 1.5, 100
-# The palette of Okabe and Ito, safe for colour blindness; hatching and height repeat the message.
+# The palette of Okabe and Ito, safe for colour blindness; hatching and height add redundancy.
 _RUN, _LATE, _BLOCK, _HOLD = '#0072B2', '#D55E00', '#E69F00', '#009E73'
 _WAIT, _PREEMPTED, _INK = '#A8A8A8', '#7FB8DA', '#222222'
-_NOTE_WIDTH = 0.0062  # of a character of a note, as a part of the width of the plot
+_NOTE_WIDTH = 0.0062  # of a character of a note, relative to the width of the plot
 
 
 def save(chart: Chart, path: Path) -> None:
     """
-    Draw into a file; its ending names the format, one of :data:`FORMATS`.
+    Draw into a file; its suffix determines the format, one of :data:`FORMATS`.
 
-    matplotlib has to be there: :func:`rt_robot_os.base.output_files.check_picture`.
+    Requires matplotlib: see :func:`rt_robot_os.base.output_files.check_picture`.
 
     :raises BlackBoxError: the file cannot be written.
     """
@@ -94,12 +94,12 @@ def _shortened(text: str, length: int) -> str:
 
 
 def _row(axes: Any, row: Row, top: float) -> None:
-    """Draw one task: a row is 1 high, boxes stand on 0.86, marks hang above them."""
+    """Draw one task: a row has the height 1, boxes end at 0.86, and marks are above them."""
     base = top + 0.86
     axes.broken_barh(row.waiting, (base - 0.12, 0.12), facecolors=_WAIT, linewidth=0)
     axes.broken_barh(row.preempted, (base - 0.40, 0.40), facecolors='white', edgecolors=_PREEMPTED,
                      hatch='////', linewidth=0.5)
-    # An outline keeps a box of some microseconds visible.
+    # With an outline, a box of a few microseconds is visible.
     for boxes, colour in ((row.running, _RUN), (row.late, _LATE)):
         axes.broken_barh(boxes, (base - 0.40, 0.40), facecolors=colour, edgecolors=colour,
                          linewidth=0.8)
@@ -116,13 +116,13 @@ def _row(axes: Any, row: Row, top: float) -> None:
                   markeredgecolor='white' if marker == 'X' else colour, markeredgewidth=0.7)
 
 
-# Marker, colour, size, height above the line that the boxes stand on.
+# Marker, colour, size, height above the base line of the boxes.
 _MARKS = (('^', _INK, 4.5, -0.06), ('|', '#56218A', 7.0, 0.50), ('v', '#CC79A7', 5.0, 0.48),
           ('X', _INK, 6.5, 0.20))
 
 
 def _notes(axes: Any, row: Row, top: float, chart: Chart) -> None:
-    """Write the notes of a row, faults first, without those for which there is no room left."""
+    """Write the notes of a row, faults first, as long as there is space."""
     width = chart.to_ms - chart.from_ms
     taken: list[tuple[float, float]] = []
     for at_ms, text in [*sorted(row.faults), *sorted(row.notes)]:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the program `black_box` does: save, read and draw what the core did last."""
+"""Command line of the program `black_box`: save, read and draw the last activity of a core."""
 
 from __future__ import annotations
 
@@ -49,51 +49,51 @@ from rt_robot_os.tools.black_box import window
 from rt_robot_os.tools.black_box import write_parts
 from rt_robot_os.tools.black_box.chart_drawing import FORMATS
 
-_FILE = 'a dump; without it the newest in the folder'
+_FILE = 'a dump (default: the newest in the folder)'
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog='black_box', description='What the core did last: the dumps that it saves after a '
-        'fault, or one that is taken now. Times are relative to the dump, so negative.')
+        prog='black_box', description='The last activity of a core: the dumps that it saves after '
+        'a fault, or a new one. Times are relative to the dump, so they are negative.')
     parser.add_argument('--folder', type=Path, default=default_folder(),
-                        help='where the dumps are (default %(default)s)')
+                        help='folder of the dumps (default %(default)s)')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
 
-    one = commands.add_parser('dump', help='ask a running core for a dump and save it')
+    one = commands.add_parser('dump', help='request a dump from a running core and save it')
     one.add_argument('output', type=Path, nargs='?', metavar='FILE',
-                     help='where to; without it a new file in the folder')
+                     help='output file (default: a new file in the folder)')
     add_robot_option(one)
     one.add_argument('--reason', default='asked for by black_box dump', help='stored in the dump')
 
     commands.add_parser('list', help='list the dumps, the oldest first')
 
-    one = commands.add_parser('show', help='write it as text')
+    one = commands.add_parser('show', help='print a dump as text')
     one.add_argument('file', type=Path, nargs='?', metavar='FILE', help=_FILE)
     one.add_argument('--last', type=int, default=40, metavar='N',
-                     help='events at the end (default %(default)s)')
+                     help='number of last events (default %(default)s)')
 
-    one = commands.add_parser('chain', help='write which jobs released which, from one task to '
+    one = commands.add_parser('chain', help='print which jobs released which, from one task to '
                               'another')
     one.add_argument('tasks', metavar='FROM,..,TO', help='tasks or devices on the path, such as '
                      'sink,agent,base')
     one.add_argument('file', type=Path, nargs='?', metavar='FILE', help=_FILE)
     one.add_argument('--last', type=int, default=3, metavar='N',
-                     help='chains at the end, besides the longest (default %(default)s)')
+                     help='number of last chains, besides the longest (default %(default)s)')
 
-    one = commands.add_parser('export', help='convert it for other programs')
+    one = commands.add_parser('export', help='convert a dump for other programs')
     one.add_argument('file', type=Path, nargs='?', metavar='FILE', help=_FILE)
     one.add_argument('--perfetto', type=Path, required=True, metavar='OUT.json',
                      help='for ui.perfetto.dev and chrome://tracing')
 
-    one = commands.add_parser('plot', help='draw it; needs matplotlib')
+    one = commands.add_parser('plot', help='draw a dump; requires matplotlib')
     one.add_argument('file', type=Path, nargs='?', metavar='FILE', help=_FILE)
     one.add_argument('output', type=Path, metavar='OUT', help='a .svg or .png')
-    one.add_argument('--from', dest='from_s', type=float, metavar='S', help='such as -0.05')
-    one.add_argument('--to', dest='to_s', type=float, metavar='S', help='such as 0')
+    one.add_argument('--from', dest='from_s', type=float, metavar='S', help='start, such as -0.05')
+    one.add_argument('--to', dest='to_s', type=float, metavar='S', help='end, such as 0')
     one.add_argument('--last', type=float, metavar='MS',
-                     help='this long before the dump; without these three 50 ms, about the last '
-                     'fault if there is one')
+                     help='time before the dump; default without these three: 50 ms around the '
+                     'last fault, or before the dump')
     return parser
 
 
@@ -119,7 +119,7 @@ def _list(arguments: argparse.Namespace) -> None:
         except BlackBoxError as error:
             print(error)
     if not found:
-        print(f'{arguments.folder} holds no dump')
+        print(f'{arguments.folder} contains no dump')
 
 
 def _read(arguments: argparse.Namespace) -> tuple[DumpFile, History]:
@@ -141,8 +141,8 @@ def _show(arguments: argparse.Namespace) -> None:
 def _chain(arguments: argparse.Namespace) -> None:
     names = [name.strip() for name in arguments.tasks.split(',')]
     if len(names) < 2 or not all(names) or arguments.last < 0:
-        raise BlackBoxError(f'{arguments.tasks} --last {arguments.last}: name two tasks or more '
-                            'with commas between, such as sink,base, and 0 chains or more')
+        raise BlackBoxError(f'{arguments.tasks} --last {arguments.last}: name two tasks or more, '
+                            'separated by commas, such as sink,base, and 0 chains or more')
     _, history = _read(arguments)
     sys.stdout.write(chain_text(history, names, arguments.last))
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What happened, in typed values, from the records of a dump; all commands here use it."""
+"""The history of a dump as typed values, for all commands of this folder."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from rt_robot_os.tools.black_box.slices import Span
 
 
 class Outcome(IntEnum):
-    """How a job ended; the first three are the kernel's numbers."""
+    """The end of a job; the first three are the kernel's numbers."""
 
     OK = 0
     FAILED = 1
@@ -58,11 +58,11 @@ class Job:
     """
     A job.
 
-    :ivar task: its task's place in ``History.tasks``.
-    :ivar end_ns: the moment of the dump while it runs.
-    :ivar slices: when it had the CPU.
-    :ivar depth: how many jobs lay preempted below it.
-    :ivar late_ns: by how much it missed its deadline; 0 if it did not.
+    :ivar task: index of its task in ``History.tasks``.
+    :ivar end_ns: end of the job, or the time of the dump if it is running.
+    :ivar slices: intervals in which it had the CPU.
+    :ivar depth: number of preempted jobs below it.
+    :ivar late_ns: time by which it missed its deadline; 0: it met it.
     """
 
     task: int
@@ -86,17 +86,17 @@ class Job:
 
     @property
     def execution_ns(self) -> int:
-        """Return the time that it had the CPU, as far as it is known."""
+        """Return the CPU time, as far as it is known."""
         return sum(end - start for start, end in self.slices)
 
 
 @dataclass(frozen=True)
 class Moment:
     """
-    Something that happened at one time.
+    An event without a duration.
 
     :ivar kind: of :mod:`rt_robot_os.kernel.black_box`.
-    :ivar task: its place in ``History.tasks``; -1 for none.
+    :ivar task: index in ``History.tasks``; -1: none.
     :ivar text: a topic, a source, a mark.
     :ivar value: the number of a sample or of overruns, or a duration in nanoseconds.
     """
@@ -110,7 +110,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Hold:
-    """A resource that a task had."""
+    """The interval in which a task held a resource."""
 
     resource: str
     task: int
@@ -121,9 +121,9 @@ class Hold:
 @dataclass(frozen=True)
 class Blocked:
     """
-    A native call that held up others.
+    A native call that blocked other tasks.
 
-    :ivar victims: tasks of higher priority that were released meanwhile.
+    :ivar victims: tasks of higher priority that were released during the call.
     """
 
     task: int
@@ -135,12 +135,12 @@ class Blocked:
 @dataclass(frozen=True)
 class History:
     """
-    A dump, understood.
+    The content of a dump, decoded.
 
-    :ivar from_ns: what happened before is not known in full.
-    :ivar jobs: in order of their starts, those that still run included.
-    :ivar moments: in order of time: all that has no duration.
-    :ivar unknown: records of kinds that this release does not know, by name.
+    :ivar from_ns: the history is complete from this time on.
+    :ivar jobs: in order of their starts, including running ones.
+    :ivar moments: events without a duration, in order of time.
+    :ivar unknown: number of records of unknown kinds, by name.
     """
 
     dump: BlackBoxDump
@@ -155,7 +155,7 @@ class History:
     _slices: tuple[tuple[int, int, int], ...] = field(repr=False)
 
     def who_ran(self, from_ns: int, to_ns: int) -> Counter[int]:
-        """Return the CPU time of each task between two moments, in nanoseconds."""
+        """Return the CPU time of each task between two times, in nanoseconds."""
         used: Counter[int] = Counter()
         at = max(0, bisect_right(self._slices, (from_ns,)) - 1)
         for start_ns, end_ns, task in self._slices[at:]:
@@ -167,27 +167,27 @@ class History:
         return used
 
     def blocked_by(self, job: Job) -> Counter[int]:
-        """Return the CPU time that lower tasks had while a job waited for its start."""
+        """Return the CPU time of tasks of lower priority while a job waited for its start."""
         priority = self.tasks[job.task].priority
         return Counter({
             task: time_ns for task, time_ns in self.who_ran(job.release_ns, job.start_ns).items()
             if self.tasks[task].priority < priority})
 
     def held_up_by(self, blocked: Blocked) -> str:
-        """Name whom a native call held up."""
-        # It has a record because there was one; but a job has its own only when it ends.
+        """Return the names of the tasks that a native call blocked."""
+        # The call has a record because it blocked a job; the job has one only after its end.
         return ', '.join(self.tasks[v].name for v in blocked.victims) or 'one that did not end yet'
 
     def between(self, from_ns: int, to_ns: int) -> tuple[Job, ...]:
-        """Return the jobs that were released, waited or ran between two moments."""
+        """Return the jobs that were released, waited or ran between two times."""
         return tuple(j for j in self.jobs if j.end_ns >= from_ns and j.release_ns <= to_ns)
 
 
 def understand(dump: BlackBoxDump, kinds: Sequence[str] = KINDS) -> History:
     """
-    Read the records of a dump.
+    Decode the records of a dump.
 
-    :param kinds: the names that came with the dump, for kinds that are not known here.
+    :param kinds: names of the kinds in the dump, also of those unknown to this release.
     """
     jobs = _jobs(dump)
     moments, unknown = _moments(dump, kinds)
@@ -214,9 +214,9 @@ def _begun_ns(record: tuple[Any, ...]) -> int | None:
 
 
 def _begin_ns(dump: BlackBoxDump) -> int:
-    """Return the time from which on every record is there."""
+    """Return the time from which the records are complete."""
     if dump.full:
-        # What was dropped ended before the oldest that is left.
+        # Dropped records ended before the oldest one left.
         return next((ns for ns in map(_ended_ns, dump.records) if ns is not None), dump.at_ns)
     times = [ns for ns in map(_begun_ns, dump.records) if ns is not None]
     return min([*times, *(release_ns for _, release_ns, _ in dump.running), dump.at_ns])
@@ -224,13 +224,13 @@ def _begin_ns(dump: BlackBoxDump) -> int:
 
 def _jobs(dump: BlackBoxDump) -> tuple[Job, ...]:
     raw = [(r[1], r[2], r[3], r[4], r[5]) for r in dump.records if r[0] == JOB]
-    # The innermost will end first.
+    # The innermost ends first.
     raw += [(task, release_ns, start_ns, dump.at_ns, Outcome.RUNNING)
             for task, release_ns, start_ns in reversed(dump.running)]
     found, depths = slices([Span(start_ns, end_ns) for _, _, start_ns, end_ns, _ in raw],
                            _begin_ns(dump) if dump.full else None)
     late = _late(dump, raw)
-    # A task that an event released again while it runs has forgotten its first release.
+    # If an event releases a running task again, its first release time is overwritten.
     jobs = [Job(task, min(release_ns, start_ns), start_ns, end_ns,
                 Outcome(outcome) if 0 <= outcome <= Outcome.RUNNING else Outcome.FAILED,
                 tuple(found[index]), depths[index], late.get(index, 0))
@@ -239,7 +239,7 @@ def _jobs(dump: BlackBoxDump) -> tuple[Job, ...]:
 
 
 def _late(dump: BlackBoxDump, raw: Sequence[tuple[int, int, int, int, int]]) -> dict[int, int]:
-    """Find the jobs that missed their deadlines: the last one released before the miss."""
+    """Return the jobs that missed their deadlines: the last one released before each miss."""
     of_task: dict[int, list[tuple[int, int]]] = {}
     for index, (task, release_ns, *_) in enumerate(raw):
         of_task.setdefault(task, []).append((release_ns, index))

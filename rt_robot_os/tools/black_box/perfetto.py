@@ -14,11 +14,11 @@
 
 
 """
-A dump as a file for ui.perfetto.dev and chrome://tracing: the Chrome trace event format, JSON.
+Export of a dump for ui.perfetto.dev and chrome://tracing: Chrome's trace event format, JSON.
 
-One track a priority with the slices in which its tasks had the CPU, so idle time is a gap; one
-track with the releases, from which arrows lead through all slices of the job; one a resource; one
-with the native calls that held up others.
+Each priority has a track with the slices in which its tasks had the CPU, so idle time is a gap.
+One track has the releases; arrows lead from them through all slices of the job. Each resource has
+a track, and one track has the native calls that blocked other tasks.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from rt_robot_os.tools.black_box.history import Job
 from rt_robot_os.tools.black_box.history import Moment
 
 PROCESS = 1
-# Tracks are ordered by these numbers; 1..99 is 100 less the priority.
+# Tracks are ordered by these numbers; 1..99 is 100 minus the priority.
 _RELEASES, _RESOURCES, _BLOCKED, _MARKS = 0, 100, 1000, 1001
 _RELEASE_NS = NS_PER_US
 
@@ -49,9 +49,9 @@ Event = dict[str, Any]
 def perfetto_document(history: History, robot: str = 'robot',
                       facts: Mapping[str, str | int] | None = None) -> dict[str, Any]:
     """
-    Make the document; times are relative to the oldest event, in microseconds.
+    Create the document; times are in microseconds, relative to the oldest event.
 
-    :param facts: what came with the dump.
+    :param facts: metadata of the dump.
     """
     return _Document(history, robot).document(facts or {})
 
@@ -69,7 +69,7 @@ class _Document:
     def document(self, facts: Mapping[str, str | int]) -> dict[str, Any]:
         history = self._history
         events = [*self._jobs(), *self._moments(), *self._holds(), *self._blocked()]
-        # At the same time they stay in this order: an arrow belongs to the slice just before it.
+        # Events of the same time stay in this order: an arrow belongs to the slice before it.
         events.sort(key=lambda event: float(event['ts']))
         return {
             'traceEvents': [*self._metadata(), *events], 'displayTimeUnit': 'ns',
@@ -130,7 +130,7 @@ class _Document:
             args['blocked_by'] = ', '.join(
                 f'{tasks[task].name} {time_ns / NS_PER_US:.1f} us'
                 for task, time_ns in waits.most_common())
-        # A point for the arrow to begin at; the next one must not overlap it.
+        # A short slice as the start of the arrow; the next one must not overlap it.
         room_ns = _RELEASE_NS if next_ns is None else min(_RELEASE_NS, next_ns - job.release_ns)
         releases = self._named(_RELEASES, 'releases')
         yield self._slice(name, 'release', releases, job.release_ns, job.release_ns + room_ns,

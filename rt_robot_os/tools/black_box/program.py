@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The program `black_box`: save, read and draw what the core did last.
+The program `black_box`: save, read and draw the last activity of a core.
 
-Run one command; the exit code is 1 when it failed, and the message gives the reason.
+The exit code is 1 if the command failed; the message gives the reason.
 """
 
 from __future__ import annotations

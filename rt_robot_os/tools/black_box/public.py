@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What users import from the package: it is loaded when one of the names is used."""
+"""The public names of the package; loaded when one of them is used."""
 
 from __future__ import annotations
 

@@ -14,11 +14,11 @@
 
 
 """
-Which job had the CPU when: slices of one CPU from the starts and ends of jobs.
+The slices in which each job had the CPU, from the starts and ends of jobs on one CPU.
 
-There is one stack, so a job whose start and end lie inside another's preempted it. What is left
-of a job when those inside it are cut out are the slices in which it ran itself. The kernel's own
-time between two jobs counts to the job below them.
+There is one stack, so a job whose start and end are inside another job preempted it. The slices of
+a job are its interval without the intervals of the jobs inside it. The kernel's own time between
+two jobs is attributed to the job below them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Slices = list[list[tuple[int, int]]]
 
 
 class Span(NamedTuple):
-    """When a job began and ended."""
+    """The start and end of a job."""
 
     start_ns: int
     end_ns: int
@@ -38,14 +38,14 @@ class Span(NamedTuple):
 
 def slices(spans: Sequence[Span], from_ns: int | None = None) -> tuple[Slices, list[int]]:
     """
-    Cut jobs into the slices in which they had the CPU.
+    Divide jobs into the slices in which they had the CPU.
 
-    Slices never overlap, whatever the jobs are; when they are nested, nothing is lost either. A
-    job of no length has no slice.
+    Slices never overlap. If the jobs are properly nested, the slices cover all of their time.
+    A job without a duration has no slice.
 
-    :param spans: in the order of their ends.
-    :param from_ns: slices before it are left out, since it is not known what ran then.
-    :return: the slices of each job in order of time, and how many jobs lay preempted below it.
+    :param spans: in order of their ends.
+    :param from_ns: slices before it are omitted, because the records before it are incomplete.
+    :return: the slices of each job in order of time, and the number of preempted jobs below it.
     """
     found: Slices = [[] for _ in spans]
     depths = [0] * len(spans)
@@ -60,7 +60,7 @@ def slices(spans: Sequence[Span], from_ns: int | None = None) -> tuple[Slices, l
             found[index].append((cursor_ns, until_ns))
             cursor_ns = until_ns
 
-    # Of those that began together the one that ended last is the outer one.
+    # Of jobs that started at the same time, the one that ended last is the outer one.
     for index in sorted(range(len(spans)), key=lambda i: (spans[i].start_ns, -i)):
         start_ns = spans[index].start_ns
         while stack and spans[stack[-1]].end_ns <= start_ns:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A dump as text: its tasks, its last events, and what came before the fault."""
+"""Text report of a dump: its tasks, its last events, and those before the last fault."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ from rt_robot_os.tools.black_box.history import Moment
 from rt_robot_os.tools.black_box.history import Outcome
 
 BEFORE_FAULT_NS = 50 * NS_PER_MS
-# Less is the time from an interrupt to its handler, and no task's fault; the kernel's own limit.
+# Less is the latency of the interrupt handler, not blocking by a task; the limit of the kernel.
 BLOCKED_NS = 50 * NS_PER_US
 _FAULTS = (Outcome.FAILED, Outcome.ABORTED)
 
 
 def show(history: History, last: int = 40, facts: dict[str, str | int] | None = None) -> str:
     """
-    Write all of it.
+    Format the whole report.
 
-    :param last: how many events at the end.
+    :param last: number of last events.
     """
     parts = [_head(history, facts or {}), _tasks(history), _blockers(history),
              _before_fault(history), _events(history, last)]
@@ -55,7 +55,7 @@ def show(history: History, last: int = 40, facts: dict[str, str | int] | None = 
 
 
 def duration(time_ns: int) -> str:
-    """Write a duration in the unit that suits it."""
+    """Format a duration in a suitable unit."""
     if abs(time_ns) < NS_PER_MS:
         return f'{time_ns / NS_PER_US:.0f} us'
     if abs(time_ns) < NS_PER_S:
@@ -147,7 +147,7 @@ def _at(history: History, at_ns: int) -> str:
 
 def _lines(history: History, jobs: Iterable[Job], moments: Iterable[Moment],
            from_ns: int) -> list[str]:
-    """Write events in order of time; of a job its start and its end."""
+    """Format events in order of time; a job has a start and an end."""
     found: list[tuple[int, int, str]] = []
     for job in jobs:
         name = history.tasks[job.task].name
@@ -182,7 +182,7 @@ def _wait(history: History, job: Job) -> str:
 
 
 def _blockers_of(history: History, job: Job) -> list[tuple[int, int]]:
-    """Return the lower tasks that a job waited for, and how long, the longest first."""
+    """Return the tasks of lower priority that blocked a job, with the time, longest first."""
     return [(task, time_ns) for task, time_ns in history.blocked_by(job).most_common()
             if time_ns >= BLOCKED_NS]
 
@@ -223,14 +223,14 @@ def _events(history: History, last: int) -> str:
 
 
 def fault_ns(history: History) -> int | None:
-    """Return the moment of the last fault: a failure, an abort or a missed deadline."""
+    """Return the time of the last fault: a failure, an abort or a missed deadline."""
     times = [job.end_ns for job in history.jobs if job.outcome in _FAULTS]
     times += [m.at_ns for m in history.moments if m.kind in (ABORT, MISS)]
     return max(times, default=None)
 
 
 def _before_fault(history: History) -> str:
-    """Return which tasks had the CPU before the fault, and which waited."""
+    """Describe which tasks had the CPU before the last fault, and which waited."""
     at_ns = fault_ns(history)
     if at_ns is None:
         return ''

@@ -30,28 +30,28 @@ from rt_robot_os.tools.rehearse.scenario import Occurrence
 from rt_robot_os.tools.rehearse.scenario_run import is_settled
 from rt_robot_os.tools.rehearse.scenario_run import RunRecord
 
-# An emergency has become an alarm by then.
+# Time within which an emergency must become an alarm.
 _NOTICED_S: Final = {'fall': 15.0, 'help': 10.0, 'sick': 240.0, 'smoke': 30.0, 'call': 5.0}
-# Faults that hide an emergency. A fall is detected by a device, the others by nodes through the
-# sink.
+# Faults that hide an emergency. Falls are detected by a device, other emergencies by nodes, over
+# the sink.
 _HIDING: Final = {'fall': ('core_killed',), 'call': ('core_killed',)}
 _HIDING_NODES: Final = ('core_killed', 'node_dies', 'node_reboots', 'sink_silent')
 _AROUND_S: Final = 15.0
-# An alarm of just before is of the same emergency.
+# An alarm up to this time before belongs to the same emergency.
 _SAME_S: Final = 10.0
 _SHOWN: Final = 3
 
 
 class CheckResult(NamedTuple):
     """
-    What the checks found.
+    The result of the checks.
 
     :ivar seed: of the scenario.
-    :ivar ends: how each alarm ended, by its number: resolved, cancelled, escalated, technical.
+    :ivar ends: end of each alarm by its number: resolved, cancelled, escalated, technical.
     :ivar problems: failed checks.
     :ivar noticed: emergencies that became alarms.
     :ivar hidden: emergencies that could not be detected, because of a fault.
-    :ivar gave_up: why the agent gave up, each time.
+    :ivar gave_up: the reason of each time the agent gave up.
     """
 
     seed: int
@@ -79,14 +79,15 @@ def check(scenario: CareScenario, record: RunRecord) -> CheckResult:
         elif _is_hidden(each, scenario):
             hidden += 1
         else:
-            problems.append(f'{each.what} of {each.who} at {each.at_s:.1f} s became no alarm')
+            problems.append(
+                f'{each.what} of {each.who} at {each.at_s:.1f} s did not become an alarm')
     problems += _of_agent(record)
     return CheckResult(scenario.seed, ends, tuple(problems), noticed, hidden, tuple(
         str(each['cause']) for each in record.transitions if each['to'] == 'give_up'))
 
 
 def _of_agent(record: RunRecord) -> Iterator[str]:
-    """Yield what the agent should not have done, and what it left undone."""
+    """Yield the forbidden and the missing actions of the agent."""
     ends = ('idle', 'stay', 'return', *(('held', 'operator') if record.overridden else ()))
     if record.agent_state not in ends:
         yield f'the agent ended in {record.agent_state}'
@@ -108,7 +109,7 @@ def _end(events: list[dict[str, Any]]) -> str:
 
 
 def _is_noticed(emergency: Occurrence, events: Iterable[dict[str, Any]]) -> bool:
-    """Return whether there was an alarm of that subject then, or soon after."""
+    """Return whether an alarm of that subject was active then or soon after."""
     latest_ns = (emergency.at_s + _NOTICED_S[emergency.what]) * NS_PER_S
     alarmed = [each for each in events if each['subject'] == emergency.who
                and each['level'] != 'technical' and each['t_ns'] <= latest_ns]
@@ -119,7 +120,7 @@ def _is_noticed(emergency: Occurrence, events: Iterable[dict[str, Any]]) -> bool
 
 
 def _is_hidden(emergency: Occurrence, scenario: CareScenario) -> bool:
-    """Return whether a fault hid it when it happened, or right after."""
+    """Return whether a fault hid it at its time or shortly after."""
     until_s = emergency.at_s + _NOTICED_S[emergency.what] + _AROUND_S
     hiding = _HIDING.get(emergency.what, _HIDING_NODES)
     return any(each.what in hiding and each.at_s <= until_s

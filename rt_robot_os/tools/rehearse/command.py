@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What the program `rehearse` does with its command line.
+Command line of the program `rehearse`.
 
-Each command is a module beside this one with ``add_to``, which adds its parser and what runs it.
+Each command is a module of this folder with ``add_to``, which adds its parser and its function.
 """
 
 from __future__ import annotations
@@ -38,5 +38,5 @@ def run(argv: Sequence[str]) -> int:
     :raises RtRobotError: it failed.
     """
     return run_command(
-        'rehearse', "Scenario tests in virtual time: a robot's own modules run, its body and its "
-        'home are simulated.', _COMMANDS, argv)
+        'rehearse', 'Scenario tests in virtual time: the modules of a robot are real, its body '
+        'and its home are simulated.', _COMMANDS, argv)

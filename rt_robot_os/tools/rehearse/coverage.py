@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which edges of the agent's table were taken, by its published transitions."""
+"""Coverage of the agent's state table: the edges taken, from its published transitions."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ _BY_ENDS: Final[Mapping[tuple[str, str, str], StateEdge]] = {
 
 def edges_taken(transitions: Iterable[Mapping[str, Any]]) -> Iterator[StateEdge]:
     """
-    Yield the edge of each transition, in their order.
+    Yield the edge of each transition, in order.
 
-    A transition that a pause delays, and that has no edge of its own, is left out.
+    A transition that was delayed by a pause, and has no edge of its own, is skipped.
 
     :param transitions: as the agent published them.
     """
@@ -55,7 +55,7 @@ def edges_taken(transitions: Iterable[Mapping[str, Any]]) -> Iterator[StateEdge]
 
 
 def name_of(edge: StateEdge) -> str:
-    """Return an edge as the drawing has it: ``confirm --> observe: help [there] / confirm``."""
+    """Return an edge as in the diagram: ``confirm --> observe: help [there] / confirm``."""
     guard = f' [{edge.guard}]' if edge.guard else ''
     action = f' / {edge.action}' if edge.action else ''
     return f'{edge.source.value} --> {edge.target_name}: {edge.event}{guard}{action}'

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which emergencies a robot with its settings can detect, and of whom or where."""
+"""The emergencies that a robot can detect with its settings, with their person or place."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def detectable_emergencies(settings: RobotSettings, world: World) -> tuple[tuple
     """
     Return the emergencies that the robot should detect, with the person or the place.
 
-    :raises ConfigError: it would detect none.
+    :raises ConfigError: it cannot detect any.
     """
     found = tuple(dict.fromkeys(_detectable(settings, world)))
     if not found:
-        raise ConfigError(['this robot would notice no emergency: it needs a world with people '
-                           'and, of its modules, a fall_detector, an assessment or a rule of '
-                           'kind help or smoke, such as config/assisted_living.yaml has'])
+        raise ConfigError(['this robot detects no emergencies: it needs a world with people, '
+                           'and a fall_detector, an assessment, or a rule of kind help or '
+                           'smoke, as in config/assisted_living.yaml'])
     return found
 
 

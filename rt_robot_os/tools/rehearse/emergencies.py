@@ -66,15 +66,15 @@ def add_to(commands: Any) -> None:
                         help='number of scenarios (%(default)s)')
     parser.add_argument('--seed', type=int, default=1, help='seed of the first (%(default)s)')
     parser.add_argument('--tell', action='store_true',
-                        help='run only the scenario of --seed, and print all that happens')
+                        help='run only the scenario of --seed, and print all its events')
     parser.add_argument('--jobs', type=int, default=1, metavar='N',
-                        help='processes at a time (%(default)s)')
+                        help='parallel processes (%(default)s)')
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """
-    Run and check.
+    Run and check the scenarios.
 
     :raises ConfigError: the settings cannot be used.
     """
@@ -103,8 +103,8 @@ class ScenarioOutcome(NamedTuple):
     A scenario that was run and checked.
 
     :ivar result: of the checks.
-    :ivar lasted_s: in virtual time.
-    :ivar edges: of the agent's table that were taken, and how often.
+    :ivar lasted_s: duration in virtual time.
+    :ivar edges: edges taken of the agent's table, with their counts.
     """
 
     result: CheckResult
@@ -116,7 +116,7 @@ def _run_checked(settings: str, seed: int) -> ScenarioOutcome:
     """
     Run a scenario and check it.
 
-    :param settings: as JSON, for processes of their own.
+    :param settings: as JSON, for a separate process.
     """
     robot = _robot(settings)
     scenario = _scenario(robot, seed)
@@ -156,7 +156,7 @@ def _summary(outcomes: list[ScenarioOutcome], begin_s: float) -> dict[str, Any]:
 def _print(found: dict[str, Any]) -> None:
     print(f'{found["stories"]} stories, {found["virtual_s"]:.0f} s in {found["wall_s"]:.0f} s')
     print(f'{found["emergencies"]} emergencies: {found["noticed"]} became alarms, '
-          f'{found["hidden"]} could not be noticed (the core, the sink or the node was dead)')
+          f'{found["hidden"]} could not be detected (the core, the sink or the node was dead)')
     print('alarms:', ', '.join(f'{count} {end}' for end, count in found['alarms'].items()))
     for why, count in found['gave_up'].items():
         print(f'  the robot gave up {count} times: {why}')
@@ -170,7 +170,7 @@ def _print(found: dict[str, Any]) -> None:
 
 
 def _show(settings: RobotSettings, scenario: CareScenario) -> int:
-    """Print everything that happens in one scenario."""
+    """Print all events of one scenario."""
     record = ScenarioRun(settings, scenario).run()
     for at_s, line in sorted(_lines(scenario, record), key=lambda each: each[0]):
         print(f'{at_s:8.2f}  {line}')

@@ -15,9 +15,9 @@
 """
 The fixture of scenarios: a core with a robot's own settings on the virtual clock.
 
-Everything that decides (readings, assessments, rules, alarms, the agent) is built by the core from
-the settings, as on the robot. Devices, and the modules that localise, plan and drive, are left
-out: participants publish what they would.
+The core creates all modules that make decisions (readings, assessments, rules, alarms, the agent)
+from the settings, as on the robot. Devices and the modules for localization, planning and driving
+are omitted: participants publish their messages.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from rt_robot_os.settings import WatchdogSettings
 from rt_robot_os.topics import Publisher
 from rt_robot_os.topics import Subscription
 
-#: Types of modules that participants simulate: they need a body, or much time.
+#: Types of modules that participants simulate, because they need a body or much computing time.
 SIMULATED: Final = frozenset({
     'attitude', 'collision_guard', 'localization', 'odometry', 'person_finder', 'planner',
     'trajectory', 'velocity_mux'})
@@ -54,13 +54,13 @@ STEP_NS: Final = 50_000_000
 
 
 class Participant(Protocol):
-    """Simulates a part of what was left out."""
+    """Simulates some of the omitted devices and modules."""
 
     def attach(self, fixture: CoreFixture) -> None:
-        """Find the topics; called once for each core, also for one that follows a crash."""
+        """Find the topics; called once for each core, also after a crash."""
 
     def step(self, now_ns: int) -> None:
-        """Do what is due; called each :data:`STEP_NS` of virtual time."""
+        """Simulate one step; called every :data:`STEP_NS` of virtual time."""
 
 
 class CoreFixture:
@@ -68,10 +68,10 @@ class CoreFixture:
     One run of a core.
 
     :param settings: of the robot.
-    :param participants: are called in this order.
-    :param start_ns: the time at which it begins; after a crash the time goes on.
-    :raises RtRobotError: the settings do not fit together.
-    :ivar core: the real one, on a virtual clock.
+    :param participants: called in this order.
+    :param start_ns: start time; after a crash the time continues.
+    :raises RtRobotError: the settings are inconsistent.
+    :ivar core: the real core, on a virtual clock.
     """
 
     def __init__(self, settings: RobotSettings, participants: Sequence[Participant],
@@ -97,14 +97,14 @@ class CoreFixture:
         return self.core.kernel.now_ns()
 
     def publisher(self, topic: str) -> Publisher | None:
-        """Return a publisher of a topic; None where no module reads it."""
+        """Return a publisher of a topic; None if no module reads it."""
         try:
             return self.bus.publisher(topic)
         except TopicError:
             return None
 
     def reader(self, topic: str) -> Subscription | None:
-        """Return a subscription; None where there is no topic of that name."""
+        """Return a subscription; None if there is no topic with this name."""
         try:
             return self.bus.subscribe(topic, _STAGE)
         except TopicError:
@@ -112,7 +112,7 @@ class CoreFixture:
 
     def run(self, until_ns: int) -> None:
         """
-        Let time pass, in one call: timers do not outlast a run of the kernel.
+        Run up to a time in one call, because timers end with a run of the kernel.
 
         :raises AssertionError: a job failed; the message says which.
         """
@@ -123,7 +123,7 @@ class CoreFixture:
                                  f'{kernel.failures[-1]}')
 
     def end(self) -> None:
-        """End the run before its time."""
+        """End the run early."""
         self.core.kernel.stop('settled')
 
     def close(self) -> None:
@@ -137,7 +137,7 @@ class CoreFixture:
 
 
 def _simulated_topics(settings: RobotSettings, kept: set[str]) -> Iterator[TopicSettings]:
-    """Yield the topics of all that was left out, each once."""
+    """Yield the topics of all omitted devices and modules, each once."""
     known = {topic.topic for topic in settings.topics}
     for each in settings.modules:
         if each.name in kept:

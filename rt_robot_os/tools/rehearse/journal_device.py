@@ -37,9 +37,9 @@ _JOURNAL_BYTES: Final = 1 << 20
 
 class JournalDevice:
     """
-    Simulates the device; the disk survives the core.
+    Simulates the device; its disk survives a crash of the core.
 
-    :ivar full: there is no more room than the journal reserved.
+    :ivar full: the disk is full except for the space reserved by the journal.
     """
 
     def __init__(self, random: Random) -> None:
@@ -57,7 +57,7 @@ class JournalDevice:
         self._stored = fixture.publisher('alarms/stored')
 
     def step(self, now_ns: int) -> None:
-        """Write what was received, and answer."""
+        """Write the received records, and answer."""
         self._store.room = 0 if self.full else _DISK_BYTES
         self._timeline.run_until(now_ns)
         if self._process is None:

@@ -42,12 +42,12 @@ from rt_robot_os.topics import Publisher
 #: The name under which the caregiver acknowledges and resolves.
 CAREGIVER: Final = 'carer'
 _BEAT_NS: Final = 5 * NS_PER_S
-# A call that lasts is published again that often.
+# Period at which an active call is published again.
 _REPEAT_NS: Final = 10 * NS_PER_S
 
 
 class _Recipients(dict[str, Recipient]):
-    """The recipients of channels; a channel is known from its first notification on."""
+    """The recipients of channels; a channel is added at its first notification."""
 
     def __missing__(self, channel: str) -> Recipient:
         made = self[channel] = Recipient(channel)
@@ -59,7 +59,7 @@ class NotifierAndCaregiver:
     Simulates the program ``notifier``, and the caregiver who reads its messages.
 
     :param profile: how quickly the caregiver reacts.
-    :ivar failing: no channel delivers.
+    :ivar failing: all channels fail.
     """
 
     def __init__(self, profile: CaregiverProfile, random: Random) -> None:
@@ -73,21 +73,21 @@ class NotifierAndCaregiver:
 
     @property
     def shown(self) -> Counter[str]:
-        """Return how often a person was shown each notification, by its key."""
+        """Return how often each notification was shown to a person, by its key."""
         found: Counter[str] = Counter()
         for recipient in self._recipients.values():
             found += recipient.shown
         return found
 
     def attach(self, fixture: CoreFixture) -> None:
-        """Find the topics; notifier and caregiver go on when a core dies."""
+        """Find the topics; notifier and caregiver continue after a crash of the core."""
         self._messages = fixture.reader('alarms/notify')
         self._reports = fixture.publisher('alarms/report')
         self._commands = fixture.publisher('alarms/command')
         self._beats = fixture.publisher('notifier/heartbeat')
 
     def step(self, now_ns: int) -> None:
-        """Deliver messages, and do what is due."""
+        """Deliver messages, and execute due actions."""
         if now_ns % _BEAT_NS == 0:
             publish_text(self._beats, '{}', now_ns)
         self._timeline.now_ns = now_ns
@@ -125,7 +125,7 @@ class SimulatedOperator:
     """
     Simulates an operator, and another program that publishes calls.
 
-    :param robot: the operator sends it elsewhere.
+    :param robot: the robot that the operator sends to other goals.
     """
 
     def __init__(self, robot: SimulatedRobot) -> None:
@@ -140,17 +140,17 @@ class SimulatedOperator:
         self._goal = fixture.publisher('goal_pose')
 
     def step(self, now_ns: int) -> None:
-        """Publish calls again that last."""
+        """Publish active calls again."""
         for caller, until_ns in self._calls.items():
             if now_ns % _REPEAT_NS == 0 and now_ns < until_ns:
                 self._call(caller, True, now_ns)
 
     def command(self, words: str, now_ns: int) -> None:
-        """Give the agent a command."""
+        """Send a command to the agent."""
         publish_text(self._texts['agent/command'], words, now_ns)
 
     def send(self, x: float, y: float, now_ns: int) -> None:
-        """Send the robot elsewhere."""
+        """Send the robot to another goal."""
         if self._goal is not None:
             self._robot.errand = x, y
             self._goal.msg.pose.position = x, y, 0.0

@@ -29,15 +29,15 @@ _SHIPPED = 'assisted_living.yaml'
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the options that name the robot."""
     parser.add_argument('--params-file', type=Path, action='append', default=[], metavar='FILE',
-                        help='settings of the robot (when absent those of assisted_living.yaml)')
-    parser.add_argument('--node', default='robot', help='whose parameters in it (%(default)s)')
-    parser.add_argument('--json', action='store_true', help='write one object instead of text')
+                        help='settings of the robot (default: assisted_living.yaml)')
+    parser.add_argument('--node', default='robot', help='node in these settings (%(default)s)')
+    parser.add_argument('--json', action='store_true', help='write a JSON object instead of text')
 
 
 def settings_of(arguments: argparse.Namespace) -> RobotSettings:
     """
     Read the settings.
 
-    :raises ConfigError: they cannot be used.
+    :raises ConfigError: they are invalid.
     """
     return load(arguments.params_file or [default_path(_SHIPPED)], node=arguments.node)

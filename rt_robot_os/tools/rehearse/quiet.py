@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Command ``rehearse quiet``: hours without an emergency, and what is alarmed then."""
+"""Command ``rehearse quiet``: hours without emergencies, to count false alarms."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ from rt_robot_os.tools.rehearse.scenario_run import ScenarioRun
 def add_to(commands: Any) -> None:
     """Add the parser of the command."""
     parser = commands.add_parser(
-        'quiet', help='hours without an emergency',
-        description='Let people walk, sit and sleep for hours of virtual time, while nodes, sink, '
-        'sensors, channels, disk and core fail and come back. Every alarm that is not technical '
-        'is a false alarm.')
+        'quiet', help='hours without emergencies',
+        description='Simulate people who walk, sit and sleep for hours of virtual time, while '
+        'nodes, sink, sensors, channels, disk and core fail and recover. Every alarm that is not '
+        'technical is a false alarm.')
     add_settings(parser)
     parser.add_argument('--hours', type=float, default=24.0, help='duration (%(default)s)')
-    parser.add_argument('--seed', type=int, default=1, help='of all random numbers (%(default)s)')
+    parser.add_argument('--seed', type=int, default=1, help='random seed (%(default)s)')
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """
-    Let time pass, and count the alarms.
+    Run quiet hours, and count the alarms.
 
     :raises ConfigError: the settings cannot be used.
     """
@@ -75,7 +75,7 @@ def quiet_hours(settings: RobotSettings, hours: float, seed: int) -> dict[str, A
     """
     Run quiet hours.
 
-    :return: the alarms, as the JSON has them.
+    :return: the alarms, as in the JSON.
     :raises AssertionError: a job of the robot failed.
     """
     world = World(settings.world)

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Random scenarios: what happens to people, to the robot and to the network, and who helps.
+Random scenarios: emergencies, faults and interventions, and the reactions of a caregiver.
 
-A scenario is drawn from its seed, so that it can be repeated.
+A scenario is generated from its seed, so it can be repeated.
 """
 
 from __future__ import annotations
@@ -43,23 +43,23 @@ CALLERS: Final = {'door': (2.0, 2.0), 'cellar': (60.0, 60.0), 'intercom': None}
 #: Answers of a person whom the robot asks.
 ANSWERS: Final = ('fine', 'help', 'silent')
 
-# Until the last occurrence was detected; illness is detected only after a while.
+# Time until the last occurrence is detected; illness is detected only after a while.
 _SETTLE_S: Final = 60.0
 _ILL_S: Final = 240.0
-# At most; a person who lies in a room for hours is an emergency for some rules.
+# Limit, because a person who lies in a room for hours is an emergency for some rules.
 _REST_S: Final = 5400.0
 
 
 class Occurrence(NamedTuple):
     """
-    Something that happens.
+    An emergency, a fault or an intervention.
 
-    :ivar at_s: since the beginning.
+    :ivar at_s: time since the start.
     :ivar what: of :data:`EMERGENCIES` or :data:`FAULTS`.
-    :ivar who: a person, a node, one of :data:`CALLERS`, a command of an operator; empty for the
-        robot.
+    :ivar who: a person, a node, one of :data:`CALLERS` or a command of an operator; empty for
+        the robot.
     :ivar for_s: its duration; 0: it does not end.
-    :ivar answer: of the person, for a fall and for a button that is pressed late.
+    :ivar answer: of the person, for a fall and for a button pressed late.
     """
 
     at_s: float
@@ -71,7 +71,7 @@ class Occurrence(NamedTuple):
 
 class CaregiverProfile(NamedTuple):
     """
-    How quickly a caregiver reacts to notifications.
+    The reaction times of a caregiver.
 
     :ivar reads_after_s: from the message to the acknowledgement; infinite: never.
     :ivar ends_after_s: from there to the end of the emergency.
@@ -85,8 +85,8 @@ class CareScenario(NamedTuple):
     """
     One scenario.
 
-    :ivar seed: from which it was drawn.
-    :ivar occurrences: in the order of their times.
+    :ivar seed: of its random numbers.
+    :ivar occurrences: in order of time.
     :ivar caregiver: who is notified.
     """
 
@@ -96,7 +96,7 @@ class CareScenario(NamedTuple):
 
     @property
     def settled_s(self) -> float:
-        """Return when all of it has begun, and should have been detected."""
+        """Return the time at which all has started and should be detected."""
         return max((each.at_s + (_ILL_S if each.what == 'sick' else _SETTLE_S)
                     for each in self.occurrences), default=0.0)
 
@@ -104,17 +104,17 @@ class CareScenario(NamedTuple):
 def random_scenario(seed: int, emergencies: Sequence[tuple[str, str]], nodes: Sequence[str]
                     ) -> CareScenario:
     """
-    Draw a scenario.
+    Generate a scenario.
 
-    :param emergencies: what may happen, of :data:`EMERGENCIES`, and to whom or where.
-    :param nodes: those that may die or reboot.
+    :param emergencies: possible ones of :data:`EMERGENCIES`, with their person or place.
+    :param nodes: nodes that may die or reboot.
     """
     random = Random(seed)
     people = sorted({who for what, who in emergencies if what in ('fall', 'help')})
     found = [_emergency(random, *random.choice(list(emergencies)))
              for _ in range(random.choice((1, 1, 1, 2, 2, 3)))]
     begins_s = min(each.at_s for each in found)
-    if random.random() < 0.5:  # often one begins during another
+    if random.random() < 0.5:  # often one starts during another
         found = [each._replace(at_s=min(each.at_s, begins_s + random.uniform(0.0, 45.0)))
                  for each in found]
     for what in random.sample((*FAULTS, *_OFTEN), random.choice((0, 1, 2, 2, 3, 4))):
@@ -130,7 +130,7 @@ def _emergency(random: Random, what: str, who: str) -> Occurrence:
     if what == 'smoke':
         return Occurrence(at_s, what, who, random.uniform(30.0, 240.0))
     lasts_s = random.choice((0.0, random.uniform(40.0, 200.0)))
-    if what == 'sick':  # a sign has to be abnormal for a while
+    if what == 'sick':  # a vital sign must be abnormal for a while
         lasts_s = random.uniform(300.0, 600.0)
     return Occurrence(at_s, what, who, lasts_s, random.choice(ANSWERS))
 
@@ -157,10 +157,10 @@ def _fault(random: Random, what: str, begins_s: float, nodes: Sequence[str],
 def quiet_scenario(seed: int, hours: float, people: Sequence[str], nodes: Sequence[str]
                    ) -> CareScenario:
     """
-    Draw quiet hours: people sit, sleep and walk; nodes, channels and the core fail at times.
+    Generate quiet hours: people sit, sleep and walk; nodes, channels and the core sometimes fail.
 
     :param people: names of the residents.
-    :param nodes: those that fail and come back.
+    :param nodes: nodes that fail and recover.
     """
     random = Random(seed)
     last_s = hours * 3600.0

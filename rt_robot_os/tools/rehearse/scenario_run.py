@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs a scenario with the fixture of a core, through crashes, and records what happens."""
+"""Runs a scenario with the fixture of a core, including crashes, and records its events."""
 
 from __future__ import annotations
 
@@ -46,31 +46,31 @@ from rt_robot_os.tools.rehearse.simulated_wearables import SimulatedWearables
 from rt_robot_os.tools.rehearse.topics import received
 from rt_robot_os.tools.rehearse.topics import received_json
 
-# For which a button is held down.
+# Time for which a button is pressed.
 _PRESS_S: Final = 10.0
-#: A scenario that has not ended by then hangs.
+#: Time-out of a scenario.
 LONGEST_S: Final = 1800.0
 _CHECK_NS: Final = 10 * NS_PER_S
-# An operator sends the robot to a place beside its home, where the agent never goes.
+# Offset from its home at which an operator sends the robot; the agent never goes there.
 _ASIDE_M: Final = 0.6
 
 
 @dataclass
 class RunRecord:
     """
-    What happened in a run.
+    The record of a run.
 
     :ivar events: of the alarms, in order.
     :ivar transitions: of the agent, in order.
-    :ivar said: by the robot.
+    :ivar said: sentences of the robot's voice.
     :ivar shown: key of a notification -> how often a person was shown it.
     :ivar crashes: of the core.
-    :ivar lasted_s: in virtual time.
+    :ivar lasted_s: duration in virtual time.
     :ivar moved_m: distance that the robot drove.
-    :ivar no_falls: falls of a person who lay on the floor already.
-    :ivar violations: orders of the agent while e-stop or operator had the robot.
-    :ivar overridden: e-stop or operator had the robot at the end.
-    :ivar has_agent: the robot has one.
+    :ivar no_falls: falls of a person who was already lying on the floor.
+    :ivar violations: orders of the agent during an e-stop or a control by an operator.
+    :ivar overridden: at the end the e-stop was active, or an operator controlled the robot.
+    :ivar has_agent: the robot has an agent.
     """
 
     events: list[dict[str, Any]] = field(default_factory=list)
@@ -108,7 +108,7 @@ class RunRecord:
 
 
 class EventRecorder:
-    """Records what alarms and agent publish."""
+    """Records the messages of the alarms and of the agent."""
 
     def __init__(self, record: RunRecord) -> None:
         self._record = record
@@ -121,7 +121,7 @@ class EventRecorder:
         self._said = fixture.reader('agent/say')
 
     def step(self, now_ns: int) -> None:
-        """Record what was published."""
+        """Record new messages."""
         self._record.events += received_json(self._events)
         self._record.transitions += received_json(self._transitions)
         self._record.said += received(self._said)
@@ -129,11 +129,11 @@ class EventRecorder:
 
 class ScenarioRun:
     """
-    Runs one scenario, through crashes of the core.
+    Runs one scenario, including crashes of the core.
 
-    :param settings: of the robot; events of its own world are left out.
-    :param longest_s: a run that has not ended by then hangs.
-    :ivar record: what happened.
+    :param settings: of the robot; the events of its world are not used.
+    :param longest_s: time-out of the run.
+    :ivar record: the record of the run.
     """
 
     def __init__(self, settings: RobotSettings, scenario: CareScenario,
@@ -176,7 +176,7 @@ class ScenarioRun:
         for at_s, down_s in sorted(self._crash_at_s):
             now_s = self._run_core(now_s, at_s) + down_s
             self.record.crashes += 1
-            # An agent that restarts is idle.
+            # A restarted agent is idle.
             self.record.transitions.append({
                 'from': self.record.agent_state, 'to': 'idle', 'cause': 'the core was killed',
                 't_ns': round(now_s * NS_PER_S)})
@@ -189,7 +189,7 @@ class ScenarioRun:
         return self.record
 
     def _run_core(self, from_s: float, until_s: float) -> float:
-        """Run one core until a time, or until all is settled; return the time of its end."""
+        """Run one core until a time, or until all is settled; return its end time."""
         begin_ns = round(from_s * NS_PER_S) // STEP_NS * STEP_NS
         fixture = CoreFixture(self._settings, (
             self, self.robot, self.network, self.wearables, self.sensors, self.journal,
@@ -202,8 +202,8 @@ class ScenarioRun:
             fixture.close()
 
     def _is_settled(self, now_s: float) -> bool:
-        """Return whether nothing more is expected to happen."""
-        # All crashes come first: they are occurrences as well.
+        """Return whether no more events are expected."""
+        # All crashes must have happened: they are occurrences, too.
         if now_s < self._scenario.settled_s or self.record.agent_state not in (
                 'idle', 'stay', 'return',
                 *(('held', 'operator') if self._is_overridden() else ())):
@@ -212,24 +212,24 @@ class ScenarioRun:
             self._is_overridden() or not self.record.forgotten())
 
     def _is_overridden(self) -> bool:
-        """Return whether e-stop or operator has the robot."""
+        """Return whether the e-stop is active, or an operator controls the robot."""
         return self.robot.estop or self.robot.driven
 
     # ---- as a participant --------------------------------------------------------------------
 
     def attach(self, fixture: CoreFixture) -> None:
-        """Keep the fixture, to end it."""
+        """Store the fixture, to end it later."""
         self._fixture = fixture
 
     def step(self, now_ns: int) -> None:
-        """Let happen what is due."""
+        """Start the occurrences that are due."""
         self._timeline.run_until(now_ns)
         self._help_up()
         if now_ns % _CHECK_NS == 0 and self._is_settled(now_ns / NS_PER_S):
             self._fixture.end()
 
     def _help_up(self) -> None:
-        """Let a person rise whom the caregiver has looked after."""
+        """Make a person get up after the caregiver has helped."""
         events = self.record.events
         for each in events[self._seen_events:]:
             person = self.world.people_model.find(each['subject'])

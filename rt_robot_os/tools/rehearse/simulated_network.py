@@ -39,12 +39,12 @@ _VOLTS: Final = 3.0
 _ALARM_KINDS: Final = frozenset({Kind.ALARM, Kind.SMOKE, Kind.WATER})
 _VITAL_KINDS: Final = frozenset({
     Kind.PULSE, Kind.RESPIRATION, Kind.SPO2, Kind.BODY_TEMPERATURE})
-# Between two packets of a node whose button is pressed.
+# Time between two packets of a node whose button is pressed.
 _URGENT_NS: Final = NS_PER_S
 
 
 class _Mote:
-    """A node between two packets."""
+    """The state of a node between two packets."""
 
     def __init__(self, node: WirelessNode, readings: NodeReadings, number: int, first_ns: int
                  ) -> None:
@@ -57,12 +57,12 @@ class _Mote:
 
 class SimulatedNetwork:
     """
-    Simulates sink and radio: readings come as packets of the paper, some are lost.
+    Simulates sink and radio: readings arrive as packets of the paper, and some are lost.
 
-    :param world: whose nodes they are.
+    :param world: the world with the nodes.
     :param loss: share of packets that are lost.
-    :param period_ns: between two packets of a fixed node.
-    :param worn_ns: between two packets of a worn node.
+    :param period_ns: time between two packets of a fixed node.
+    :param worn_ns: time between two packets of a worn node.
     :ivar silent: the sink sends nothing.
     :ivar sent: packets that arrived.
     """
@@ -97,7 +97,7 @@ class SimulatedNetwork:
                         for name in ('alarm', 'vital', 'rest')}
 
     def step(self, now_ns: int) -> None:
-        """Send what is due."""
+        """Send packets that are due."""
         for mote in self._motes:
             node = mote.node
             if not node.on:

@@ -31,41 +31,41 @@ _TURN_RAD_S: Final = 0.8
 _STEP_S: Final = STEP_NS / NS_PER_S
 _POSE_EVERY: Final = 2
 _STATE_EVERY: Final = 20
-# How long a planner waits for a free path, as the real one does by default.
+# Time that the planner waits for a free path, the default of the real one.
 _PATIENCE_S: Final = 30.0
-# Older commands have no effect.
+# Age at which a velocity command expires.
 _COMMAND_NS: Final = NS_PER_S // 2
-# An order of the agent that comes later after an override is a violation.
+# Orders of the agent later than this after an override are violations.
 _REACTION_NS: Final = 3 * STEP_NS
-# Near to its start it is charged, with the states of sensor_msgs/BatteryState.
+# Near its start it is charged; the states are those of sensor_msgs/BatteryState.
 _HOME_M: Final = 0.3
 _CHARGING, _DISCHARGING = 1, 2
 _FULL_V, _FLAT_V = 25.2, 21.2
-# How an operator drives.
+# Velocity at which an operator turns the robot.
 _TELEOP_RAD_S: Final = 0.3
 _SAME_M: Final = 1e-6
 
 
 class SimulatedRobot:
     """
-    Simulates localisation, planner, trajectory, multiplexer, guard and wheels.
+    Simulates localization, planner, trajectory, multiplexer, guard and wheels.
 
     It turns to a goal, drives there in a straight line (walls are ignored: the real modules have
-    their own tests) and publishes what the real modules would.
+    their own tests) and publishes the same messages as the real modules.
 
-    :param world: whose robot is moved.
+    :param world: the world with the robot.
     :ivar blocked: there is an obstacle on the path.
     :ivar lost: its position is unknown.
     :ivar battery_low: its battery is nearly empty.
     :ivar estop: the e-stop is active.
     :ivar refuses: no place near the goal is free.
     :ivar silent: the planner publishes nothing.
-    :ivar stuck: its wheels turn, and it stays where it is.
+    :ivar stuck: its wheels turn, but it does not move.
     :ivar driven: an operator steers.
-    :ivar home: where it began; it is charged there.
+    :ivar home: its start position, where it is charged.
     :ivar errand: goal of an operator; None without one.
-    :ivar violations: orders of the agent while e-stop or operator had the robot.
-    :ivar moved_m: distance that it drove.
+    :ivar violations: orders of the agent during an e-stop or a control by an operator.
+    :ivar moved_m: travelled distance.
     """
 
     def __init__(self, world: World) -> None:
@@ -88,7 +88,7 @@ class SimulatedRobot:
         self._steered_by = ''
 
     def attach(self, fixture: CoreFixture) -> None:
-        """Find the topics; the goal is lost, as in a core that was killed."""
+        """Find the topics; the goal is lost, as after a crash of the core."""
         self._reset()
         self._pose = fixture.publisher('pose')
         self._trajectory_out = fixture.publisher('trajectory/state')
@@ -131,7 +131,7 @@ class SimulatedRobot:
         message.power_supply_status = _CHARGING if is_home else _DISCHARGING
 
     def _publish_steering(self, now_ns: int) -> None:
-        """Publish who steers, as the multiplexer does."""
+        """Publish the source of the velocity, as the multiplexer does."""
         steers = ('nobody: e-stop, asked for on estop' if self._held else
                   'teleop' if self.driven else
                   'agent' if self._turn_rad_s and now_ns < self._turn_until_ns else

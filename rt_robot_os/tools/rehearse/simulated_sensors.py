@@ -29,7 +29,7 @@ from rt_robot_os.tools.rehearse.fixture import CoreFixture
 from rt_robot_os.tools.rehearse.topics import publish_text
 from rt_robot_os.tools.rehearse.topics import received_json
 
-# Until a picture is on the disk.
+# Time until a picture is stored on the disk.
 _PICTURE_NS: Final = NS_PER_S
 _LEVEL_NS: Final = NS_PER_S // 10
 _QUIET_DB, _LOUD_DB = -60.0, -15.0
@@ -39,7 +39,7 @@ class CameraAndMicrophone:
     """
     Simulates the devices ``camera`` and ``microphone``.
 
-    :param world: of the people who may speak.
+    :param world: the world with the people, who may speak.
     :ivar failing: the camera does not answer.
     :ivar noise: it is loud.
     """
@@ -50,14 +50,14 @@ class CameraAndMicrophone:
         self._timeline = VirtualTimeline()
 
     def attach(self, fixture: CoreFixture) -> None:
-        """Find the topics; a new core has ordered nothing."""
+        """Find the topics; a new core has no pending orders."""
         self._timeline.clear()
         self._orders = fixture.reader('camera/observe')
         self._observed = fixture.publisher('camera/observed')
         self._level = fixture.publisher('sound/level')
 
     def step(self, now_ns: int) -> None:
-        """Receive orders, answer those that are done, and publish the sound level."""
+        """Receive orders, answer completed ones, and publish the sound level."""
         self._timeline.now_ns = now_ns
         for order in received_json(self._orders):
             if not self.failing:

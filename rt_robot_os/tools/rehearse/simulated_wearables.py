@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What people wear in scenarios: inertial sensors and oximeters, as the settings have them."""
+"""The wearables in scenarios: inertial sensors and oximeters, as in the settings."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class SimulatedWearables:
     """
     Simulates the devices that are ``on`` a person.
 
-    :param settings: of the robot: which devices there are, and their topics.
-    :param world: with the people.
+    :param settings: of the robot, with the devices and their topics.
+    :param world: the world with the people.
     :ivar off: names of people whose devices publish nothing.
     """
 
@@ -89,7 +89,7 @@ class SimulatedWearables:
         def publish(now_ns: int) -> None:
             if publisher is not None and now_ns % NS_PER_S == 0:
                 value = person.vitals.value(sign, person.time_s)
-                if value:  # a monitor whose sensor is off publishes nothing
+                if value:  # a monitor with a detached sensor publishes nothing
                     publisher.msg.data = value
                     publisher.publish(now_ns)
 

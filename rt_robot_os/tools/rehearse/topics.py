@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Texts on topics, as participants of a scenario receive and publish them."""
+"""Strings on topics, received and published by the participants of a scenario."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from rt_robot_os.topics import Subscription
 
 
 def received(reader: Subscription | None) -> Iterator[str]:
-    """Yield the texts that were received on a topic."""
+    """Yield the strings received on a topic."""
     while reader is not None and reader.take():
         yield str(reader.msg.data)
 
 
 def received_json(reader: Subscription | None) -> Iterator[Any]:
-    """Yield what was received on a topic of JSON."""
+    """Yield the JSON values received on a topic."""
     return map(json.loads, received(reader))
 
 
 def publish_text(publisher: Publisher | None, text: str, now_ns: int) -> None:
-    """Publish a text on a topic that exists."""
+    """Publish a string on a topic, if the topic exists."""
     if publisher is not None:
         publisher.msg.data = text
         publisher.publish(now_ns)

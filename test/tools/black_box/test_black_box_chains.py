@@ -90,7 +90,7 @@ def test_the_text_has_each_stage_and_who_was_in_the_way() -> None:
 
 @pytest.mark.parametrize('given, message', [
     (['sink', 'nobody'], "there is no task 'nobody' in this dump"),
-    (['base', 'sink'], "no job of 'sink' in this dump goes back to one of 'base'"),
+    (['base', 'sink'], "no job of 'sink' in this dump was caused by one of 'base'"),
     (['sink', 'busy', 'base'], 'through busy')])
 def test_what_is_not_there_is_told(given: Sequence[str], message: str) -> None:
     with pytest.raises(BlackBoxError, match=message):

@@ -189,7 +189,7 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
 def test_a_line_without_end_does_not_fill_the_memory(tmp_path: Path) -> None:
     path = tmp_path / 'bomb'
     path.write_bytes(gzip.compress(b' ' * (3 << 20), 1))
-    with pytest.raises(BlackBoxError, match='no dump of a black box'):
+    with pytest.raises(BlackBoxError, match='not a dump of a black box'):
         read_dump(path)
 
 

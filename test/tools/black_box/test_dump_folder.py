@@ -115,7 +115,7 @@ def test_an_empty_folder_says_what_to_do(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / 'file').write_text('')
-    with pytest.raises(BlackBoxError, match='file/sub cannot be made.*core.black_box_folder'):
+    with pytest.raises(BlackBoxError, match='file/sub cannot be created.*core.black_box_folder'):
         _keep(tmp_path / 'file' / 'sub')
 
 

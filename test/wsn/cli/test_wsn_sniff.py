@@ -238,10 +238,10 @@ def test_a_pcap_of_the_simulator_is_read(
     (b'\x0a\x0d\x0d\x0a' + bytes(20), 1, 'is a pcapng: convert it'),
     (gzip.compress(frame(0x42, surge(1, 1)) * 9, mtime=0)[:-9], 1, 'cannot be read any further'),
     (gzip.compress(bytes(99), mtime=0)[:12] + b'damaged inside', 1, 'cannot be read any further'),
-    (b't_us,frame_hex\n1,zz\nx,4245\n1,4\r5\n\0\n7\n', 1, '5 lines hold no frame'),
+    (b't_us,frame_hex\n1,zz\nx,4245\n1,4\r5\n\0\n7\n', 1, '5 lines contain no frame'),
     (b'12,4526\n', 1, '1 frames with a wrong CRC'),
     (b'', 1, '0 packets'),
-    (random.Random(1).randbytes(3000), 1, "holds no frame of TinyOS' serial line")],
+    (random.Random(1).randbytes(3000), 1, "contains no frame of TinyOS' serial line")],
     ids=['ethernet', 'cut', 'pcapng', 'gzip', 'zlib', 'no_hex', 'crc', 'empty', 'noise'])
 def test_a_damaged_recording_is_read_as_far_as_it_goes(
         content: bytes, code: int, said: str, tmp_path: Path, capsys: Capture) -> None:

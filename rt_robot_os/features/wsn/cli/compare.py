@@ -51,8 +51,8 @@ The exit code is 1 when a figure differs by more than its limit: delivery by 0.0
 noise) from the mean, or from the single firmware run by two standard deviations of our seeds;
 frames for each delivered packet by 15 %; against firmware, when in most of our runs a node never
 had its final parent there, or never advertised a cost that it advertised there; for a log, when
-the rules do not give the decision of a row. A reference with a missing or damaged file is reported
-and skipped; the exit code is 2 when none is left.
+the rules do not explain the decision of a row. A reference with a missing or damaged file is
+reported and skipped; the exit code is 2 when none is left.
 """
 
 
@@ -157,13 +157,13 @@ def simulated(references: Sequence[Reference], seeds: int = 0, jobs: int = 0
 
 
 def differences(one: Reference, runs: Sequence[Results]) -> list[Difference]:
-    """Compare a reference with our runs of it."""
+    """Compare a reference with our runs of its network."""
     deliveries = [run.delivery for run in runs]
     ours, within, note = statistics.fmean(deliveries), one.delivery_within, ''
     if one.single and len(runs) > 2:
         # The reference is a single run; with poor links, runs differ.
         within = max(within, 2.0 * statistics.stdev(deliveries))
-        note = ' (2 sigma of ours)' if within > one.delivery_within else ''
+        note = ' (2 sigma of our runs)' if within > one.delivery_within else ''
     found = [Difference('delivery', f'{ours:.4f}', f'{one.delivery:.4f}',
                         abs(ours - one.delivery) <= within, f'{within:.2f}{note}')]
     if one.frames_per_delivery is not None:
@@ -212,7 +212,7 @@ def _parents(theirs: Mapping[int, int], runs: Sequence[Results]) -> Difference:
 
 
 def _costs(theirs: Mapping[int, frozenset[int]], runs: Sequence[Results]) -> Difference:
-    """Compare all costs that beacons note: each of theirs must be one of ours, to the number."""
+    """Compare the advertised costs: each cost of the reference must occur in our runs, too."""
     ours = {node: frozenset().union(*(run.costs_said.get(node, frozenset()) for run in runs))
             for node in theirs}
     return Difference('beacon costs', _sets(ours), _sets(theirs),

@@ -162,7 +162,7 @@ def with_sink(scenario: Scenario, sink: str) -> Scenario:
         return scenario
     topology = scenario.topology
     if not topology.random or topology.map:
-        raise ConfigError([f'{scenario.name}: --sink moving: give its route in sink.way'])
+        raise ConfigError([f'{scenario.name}: --sink moving: set its route in sink.way'])
     width, depth = topology.width_m, topology.depth_m
     corners = ((0.25, 0.25), (0.75, 0.25), (0.75, 0.75), (0.25, 0.75))
     return replace(scenario, sink=replace(scenario.sink, way=tuple(

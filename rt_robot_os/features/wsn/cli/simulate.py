@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Simulate a sensor network, as a scenario says."""
+"""The command `wsn simulate`: simulate the sensor network of a scenario."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ from rt_robot_os.base.programs import warn
 from rt_robot_os.base.units import NS_PER_S
 
 _EPILOG: Final = """
-A scenario is a YAML file, or the name of one that is shipped, such as home12, home12_moving,
-house30, block, city, city10000, ctp_collapse, figure6; docs/network_simulator.md has every key.
+A scenario is a YAML file, or the name of a shipped one, such as home12, home12_moving,
+house30, block, city, city10000, ctp_collapse, figure6; docs/network_simulator.md lists all keys.
 
   wsn simulate home12
   wsn simulate my.yaml --set protocol=ctp --set traffic.period_ms=5000 --json
   wsn simulate house30 --picture tree.png --csv out --pcap air.pcap
   wsn simulate block --seeds 10 --sink both --sizes 30,100,200
 
-Ctrl-C ends it, and shows what there is so far. The exit code is 2 for a scenario that is wrong,
-130 after Ctrl-C.
+Ctrl-C stops the simulation and prints the results so far. The exit code is 2 for an invalid
+scenario, 130 after Ctrl-C.
 """
 
 
@@ -59,32 +59,32 @@ def add_to(commands: Any) -> None:
         help='simulate a network of 10 to 10,000 nodes')
     parser.add_argument('scenario', metavar='SCENARIO', help='a YAML file, or a shipped one')
     parser.add_argument('--set', metavar='KEY=VALUE', action='append', default=[], dest='assigned',
-                        help='a key of the scenario, such as protocol=ctp; may be repeated')
-    parser.add_argument('--seed', metavar='N', type=_whole(0), help='as --set seed=N')
-    parser.add_argument('--seconds', metavar='S', type=float, help='as --set seconds=S')
+                        help='set a key of the scenario, such as protocol=ctp; may be repeated')
+    parser.add_argument('--seed', metavar='N', type=_whole(0), help='same as --set seed=N')
+    parser.add_argument('--seconds', metavar='S', type=float, help='same as --set seconds=S')
     parser.add_argument('--json', action='store_true', help='write the result as JSON')
     parser.add_argument('--csv', metavar='FOLDER', type=Path,
                         help='write tables of nodes, links, packets and of the tree over time')
     parser.add_argument('--pcap', metavar='FILE', type=Path,
-                        help='write each frame on the air, for Wireshark')
+                        help='write all frames on the air, for Wireshark')
     parser.add_argument('--no-fcs', action='store_true',
                         help='without their frame check sequences (link type 230, not 195)')
     parser.add_argument('--picture', metavar='FILE', type=Path,
-                        help='draw the tree, as .png or .svg')
+                        help='draw the tree, as .png, .svg or .pdf')
     parser.add_argument('--host', action='store_true',
-                        help="count with the robot's model of the network as well, and compare")
-    parser.add_argument('--quiet', action='store_true', help='say nothing of the progress')
-    several = parser.add_argument_group('several runs, side by side')
+                        help="also run the robot's model of the network, and compare its counts")
+    parser.add_argument('--quiet', action='store_true', help='do not print the progress')
+    several = parser.add_argument_group('comparison of several runs')
     several.add_argument('--seeds', metavar='N', type=_whole(1), default=1,
                          help='run each with N seeds: mean and standard deviation')
     several.add_argument('--sink', choices=('fixed', 'moving', 'both'),
-                         help='a sink that stands, drives, or both')
+                         help='a fixed sink, a moving one, or both')
     several.add_argument('--sizes', metavar='N,N', type=_wholes,
-                         help='other numbers of random nodes, as dense as the scenario has them')
+                         help='other numbers of random nodes, with the density of the scenario')
     several.add_argument('--protocols', metavar='NAME,NAME', type=_names,
                          help='other protocols: multihoplqi, paper, ctp')
     several.add_argument('--jobs', metavar='N', type=_whole(1), default=0,
-                         help='processes at once (default: one a processor)')
+                         help='parallel processes (default: one for each processor)')
     parser.set_defaults(run=run)
 
 
@@ -92,7 +92,7 @@ def _whole(least: int) -> Any:
     def convert(text: str) -> int:
         if not (text.isascii() and text.isdigit() and least <= int(text[:18])):
             raise argparse.ArgumentTypeError(
-                f'{text!r}: must be a whole number of at least {least}')
+                f'{text!r}: must be an integer of at least {least}')
         return int(text)
     return convert
 
@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
     Run the command.
 
     :return: the exit code.
-    :raises ConfigError: the scenario is wrong; nothing was run.
+    :raises ConfigError: the scenario is invalid; nothing was run.
     """
     from rt_robot_os.features.wsn.cli.scenario_file import find_scenario
     from rt_robot_os.features.wsn.cli.scenario_file import load_scenario
@@ -143,7 +143,7 @@ def _run_once(arguments: argparse.Namespace, scenario: Any, topology: Any) -> in
     if topology.changes and topology.changes[0].at_ns > scenario.seconds * NS_PER_S:
         first_s = topology.changes[0].at_ns / NS_PER_S
         warn('wsn', f'{scenario.topology.links}: its first @ line is at {first_s:g} s, after the '
-             f'end; if it does not count in {scenario.topology.time_unit}, set topology.time_unit')
+             f'end; if its times are not in {scenario.topology.time_unit}, set topology.time_unit')
     code = OK
     with _simulation(arguments, scenario, topology) as simulation:
         progress = _Progress(scenario.seconds, arguments.quiet)
@@ -168,7 +168,7 @@ def _run_once(arguments: argparse.Namespace, scenario: Any, topology: Any) -> in
 
 
 def _check_places(arguments: argparse.Namespace) -> None:
-    """See that files can be written before hours are simulated for them."""
+    """Check before a long simulation that its files can be written."""
     problems = []
     for option in ('pcap', 'picture', 'csv'):
         path = getattr(arguments, option)
@@ -198,7 +198,7 @@ def _simulation(arguments: argparse.Namespace, scenario: Any, topology: Any) -> 
 
 
 class _Progress:
-    """A line on the terminal that says how far it is."""
+    """A progress line on the terminal."""
 
     def __init__(self, whole: float, quiet: bool, unit: str = 's simulated') -> None:
         self._whole = whole
@@ -243,7 +243,7 @@ def _run_several(arguments: argparse.Namespace, scenario: Any) -> int:
     from rt_robot_os.features.wsn.cli.text_report import several
     for option in ('csv', 'pcap', 'picture'):
         if getattr(arguments, option) is not None:
-            raise ConfigError([f'--{option}: is of one run: leave out --seeds, --sink, --sizes '
+            raise ConfigError([f'--{option}: is for a single run: omit --seeds, --sink, --sizes '
                                'and --protocols'])
     variants = _variants(arguments, scenario)
     progress = _Progress(len(variants) * arguments.seeds, arguments.quiet, 'runs')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The files that a simulation leaves: tables of nodes, links, packets and of the tree."""
+"""Writer of the tables of a simulation: nodes, links, packets and the tree."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NODES, LINKS, PACKETS, TREE = 'nodes.csv', 'links.csv', 'packets.csv', 'tree.csv
 
 def write_tables(folder: Path, simulation: Simulation, results: Results) -> None:
     """
-    Write all tables into a folder, which is made.
+    Write all tables into a folder, which is created if needed.
 
     :raises OSError: one cannot be written.
     """
@@ -71,7 +71,7 @@ def _nodes(simulation: Simulation, results: Results) -> Iterable[Sequence[object
 
 
 def _links(simulation: Simulation) -> Iterable[Sequence[object]]:
-    """Give the links as they are at the end; of a medium of signals those that are heard."""
+    """Yield the links at the end; of a physical medium those with a receivable signal."""
     medium = simulation.medium
     for each, mote in sorted(simulation.network.motes.items()):
         if isinstance(medium, LinkMedium):

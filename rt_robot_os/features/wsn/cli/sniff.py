@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Decode the packets of a recorded or a live line."""
+"""The command `wsn sniff`: decode the packets of a recorded or a live line."""
 
 from __future__ import annotations
 
@@ -52,15 +52,16 @@ from rt_robot_os.features.wsn.packets.framing import Frame
 from rt_robot_os.features.wsn.packets.framing import FrameReader
 
 _EPILOG: Final = """
-A FILE is what it looks like, whatever its name: the bytes of a serial line, frames or air as CSV,
-a pcap of 802.15.4; gzipped or not; - is the standard input. The summary goes to standard error.
+The format of a FILE is detected from its content: bytes of a serial line, CSV of frames or air, or
+a pcap of 802.15.4, each gzipped or not; - is the standard input. The summary goes to standard
+error.
 
   wsn sniff /dev/ttyUSB0 --baud 57600
   wsn sniff sf://localhost:9002 --json | jq .readings
   wsn sniff night.serial.bin --payload 'soil 0x42 wet:H[%]=soil_moisture_percent,0.1'
 
-The exit code is 0 when the file or the time is over and after Ctrl-C, 1 when no packet came,
-or the port or the file cannot be read or is gone, 2 for a wrong command line.
+The exit code is 0 at the end of the file or of the time and after Ctrl-C; 1 without any packet, or
+if the port or the file cannot be read or is gone; 2 for a wrong command line.
 """
 
 
@@ -71,25 +72,25 @@ def add_to(commands: Any) -> None:
         epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('where', metavar='FILE|PORT|sf://HOST:PORT',
                         help='a recording, a serial port, or a serial forwarder')
-    parser.add_argument('--json', action='store_true', help='write an object a packet')
+    parser.add_argument('--json', action='store_true', help='write one JSON object a packet')
     add_stack(parser)
     parser.add_argument('--group', type=whole_number(0, 255), metavar='N',
-                        help='AM group of the network; packets of others are named')
+                        help='AM group of the network; packets of others are marked')
     add_baud(parser)
     parser.add_argument('--payload', action='append', default=[], metavar='TEXT|FILE.yaml',
-                        help='a payload of your own, or a file with some; may be repeated')
+                        help='a user-defined payload, or a file with several; may be repeated')
     parser.add_argument('--seconds', type=seconds, default=0.0, metavar='S',
-                        help='end a live line after so long')
-    parser.add_argument('--quiet', action='store_true', help='write the summary alone')
+                        help='stop reading a live line after S seconds')
+    parser.add_argument('--quiet', action='store_true', help='write only the summary')
     parser.set_defaults(run=run)
 
 
 class Sniffer:
     """
-    Decodes and writes what is heard.
+    Decodes and writes the received packets.
 
-    :param decoder: for the packets.
-    :param reader: has the counters of what was no frame.
+    :param decoder: of the packets.
+    :param reader: of the frames, with the counters of rejected ones.
     """
 
     def __init__(self, arguments: argparse.Namespace, decoder: PacketDecoder,
@@ -101,11 +102,11 @@ class Sniffer:
 
     @property
     def packets(self) -> int:
-        """Return how many packets were decoded."""
+        """Return the number of decoded packets."""
         return self._decoder.packets
 
     def run(self, heard: Iterable[CapturedPacket], flush: bool) -> None:
-        """Write each packet, a line each."""
+        """Write each packet as a line."""
         for each in heard:
             packet = self._decode(each)
             again = self._tally.take(packet, each.time_s)
@@ -115,7 +116,7 @@ class Sniffer:
             print(json.dumps(record) if self._arguments.json else line_of(record), flush=flush)
 
     def summary(self) -> None:
-        """Write what it came to, on standard error."""
+        """Write the summary to standard error."""
         sys.stdout.flush()
         for line in self._tally.lines(self._decoder, self._reader):
             print(line, file=sys.stderr)
@@ -129,10 +130,10 @@ class Sniffer:
 
 def run(arguments: argparse.Namespace) -> int:
     """
-    Decode until the end, or until Ctrl-C.
+    Decode to the end, or until Ctrl-C.
 
     :return: the exit code.
-    :raises RtRobotError: there is nothing to read.
+    :raises RtRobotError: the source cannot be read.
     """
     decoder = PacketDecoder(arguments.stack, payloads_of(arguments.payload), arguments.platform,
                             arguments.group)
@@ -141,10 +142,10 @@ def run(arguments: argparse.Namespace) -> int:
             sniffer = Sniffer(arguments, decoder, recording.reader)
             code = _sniff(sniffer, recording, False)
             if recording.bad_lines:
-                warn('wsn', f'{arguments.where}: {recording.bad_lines} lines hold no frame')
+                warn('wsn', f'{arguments.where}: {recording.bad_lines} lines contain no frame')
             if not decoder.packets and recording.reader.rejected_bytes:
-                warn('wsn', f"{arguments.where} holds no frame of TinyOS' serial line: is it a "
-                     'recording of something else, or at a wrong baud rate?')
+                warn('wsn', f"{arguments.where} contains no frame of TinyOS' serial line: is it a "
+                     'recording of another protocol, or at a wrong baud rate?')
             return code
     platform = '' if arguments.platform == 'auto' else arguments.platform
     with _ended_like_ctrl_c(), closing(open_line(
@@ -160,7 +161,7 @@ def _sniff(sniffer: Sniffer, heard: Iterable[CapturedPacket], flush: bool) -> in
     except KeyboardInterrupt:
         interrupted = True
     except BrokenPipeError:
-        raise  # nobody reads: no summary either
+        raise  # the reader of the pipe is gone: no summary either
     except RtRobotError as error:
         # A driver would open the port again.
         warn('wsn', str(error).partition('; it will be')[0])
@@ -171,7 +172,7 @@ def _sniff(sniffer: Sniffer, heard: Iterable[CapturedPacket], flush: bool) -> in
 
 @contextmanager
 def _ended_like_ctrl_c() -> Iterator[None]:
-    """Have SIGTERM end a live line as Ctrl-C does, with its summary."""
+    """Handle SIGTERM like Ctrl-C: stop reading, and write the summary."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield

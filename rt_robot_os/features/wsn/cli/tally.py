@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What came in all: by type, and by origin with what was lost and what came twice."""
+"""Totals of received packets: by type, and by origin with losses and duplicates."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from rt_robot_os.features.wsn.sensor_network.sequence_account import SequenceAcc
 
 _MOST_ORIGINS: Final = 0x10000
 _REMEMBERED: Final = 64
-# What differs from hop to hop: no part of what a packet says.
+# Fields that change from hop to hop; they are ignored when packets are compared.
 _OF_THE_HOP: Final = frozenset({'seqno', 'thl', 'etx', 'options'})
-# A recording without times is as dense as a line can be.
+# Assumed interval of packets in a recording without times: that of a busy line.
 _BYTE_NS: Final = NS_PER_S // 5760
 _FRAME_BYTES: Final = 24
 _SKIPS_NUMBERS: Final = 'oscilloscope'
@@ -44,11 +44,11 @@ class Origin:
     """
     The data packets of one node.
 
-    :ivar packets: all, copies included.
-    :ivar copies: those that were there before.
-    :ivar account: of its numbers; None where it has none.
-    :ivar is_exact: a number that is missing is a packet that was lost. It is not with
-        Oscilloscope of TinyOS 2.x: a node skips numbers when it takes over a higher one.
+    :ivar packets: all, including copies.
+    :ivar copies: duplicates of earlier packets.
+    :ivar account: of its sequence numbers; None without any.
+    :ivar is_exact: whether each missing number is a lost packet. With Oscilloscope of TinyOS
+        2.x it is not: a node skips numbers when it adopts a higher one.
     """
 
     __slots__ = ('packets', 'copies', 'account', 'is_exact', '_recent')
@@ -61,7 +61,7 @@ class Origin:
         self._recent: OrderedDict[tuple[int, int], None] = OrderedDict()
 
     def take(self, packet: Packet, now_ns: int) -> bool:
-        """Take a packet; return whether it was there before."""
+        """Add a packet; return whether it is a duplicate."""
         self.packets += 1
         if packet.count_bits:
             if self.account is None:
@@ -92,9 +92,9 @@ class Origin:
 
 class Tally:
     """
-    The sum of what was heard.
+    The totals of the received packets.
 
-    :ivar types: kind, AM type and name -> how many.
+    :ivar types: kind, AM type and name -> number of packets.
     :ivar origins: node -> its data packets.
     """
 
@@ -104,7 +104,7 @@ class Tally:
         self._bytes = 0
 
     def take(self, packet: Packet, time_s: float | None) -> bool:
-        """Take a packet; return whether it is a copy of one that was there before."""
+        """Add a packet; return whether it is a duplicate of an earlier one."""
         self.types[packet.kind, packet.am_type, packet.name] += 1
         self._bytes += _FRAME_BYTES + len(packet.payload)
         if packet.kind != DATA or packet.origin < 0:
@@ -118,7 +118,7 @@ class Tally:
         return origin.take(packet, now_ns)
 
     def lines(self, decoder: PacketDecoder, reader: FrameReader) -> Iterator[str]:
-        """Write it, a line each."""
+        """Yield the totals as lines."""
         yield (f'{decoder.packets} packets, {decoder.problems} with a problem; '
                f'{reader.rejected_frames} frames with a wrong CRC, {reader.rejected_bytes} '
                'bytes rejected')
@@ -141,6 +141,6 @@ class Tally:
 
 
 def _says(packet: Packet) -> int:
-    """Return a number for what a packet says, which is the same at each of its hops."""
+    """Return a hash of the content of a packet that is equal at all of its hops."""
     return hash((packet.name, packet.origin_seqno, *(
         str(value) for key, value in packet.fields.items() if key not in _OF_THE_HOP)))

@@ -31,7 +31,7 @@ _MOST_ROWS: Final = 40
 
 Figure = Callable[[Results], float]
 
-#: What is compared between runs: title, unit, how it is got, digits.
+#: Figures that are compared between runs: title, unit, function, digits.
 FIGURES: Final[Sequence[tuple[str, str, Figure, int]]] = (
     ('delivery', '%', lambda one: 100.0 * one.delivery, 2),
     ('duplicates', '', lambda one: one.duplicates, 0),
@@ -44,7 +44,7 @@ FIGURES: Final[Sequence[tuple[str, str, Figure, int]]] = (
     ('charge, largest over mean', '', lambda one: one.energy_ratio, 2),
     ('first battery empty after', 'days', lambda one: one.first_empty_days, 1),
     ('breaks', '', lambda one: len(one.gaps), 0),
-    ('longest break', 's', lambda one: one.gap_s[-1] if one.gaps else 0.0, 1))
+    ('longest gap', 's', lambda one: one.gap_s[-1] if one.gaps else 0.0, 1))
 
 
 def _mean_hops(one: Results) -> float:
@@ -53,12 +53,12 @@ def _mean_hops(one: Results) -> float:
 
 
 def number(value: float, digits: int) -> str:
-    """Write a number; - for one that is not known."""
+    """Format a number; - for an unknown one."""
     return f'{value:,.{digits}f}' if math.isfinite(value) else '-'
 
 
 def one_run(one: Results) -> Iterator[str]:
-    """Write what one run found: the whole, then each node."""
+    """Yield the results of one run: totals, then each node."""
     networks = f' in {len(one.sinks)} networks' if len(one.sinks) > 1 else ''
     yield (f'{one.scenario}: {one.nodes} nodes{networks}, {one.protocol}, seed {one.seed}, '
            f'{number(one.ended_s, 0)} s simulated in {number(one.wall_s, 2)} s '
@@ -76,12 +76,12 @@ def one_run(one: Results) -> Iterator[str]:
     if one.counters:
         yield f'protocol: {_counts({name: n for name, n in one.counters.items() if n})}'
     if one.happenings:
-        yield f'happened: {_counts(one.happenings)}'
+        yield f'events: {_counts(one.happenings)}'
     if one.host:
         wrong = len(one.host['losses_that_differ'])
         yield (f"the robot's count: {one.host['duplicates_to_application']} duplicates to the "
                f"application, {one.host['withheld']} packets withheld, losses of "
-               f'{len(one.parents) - wrong} of {len(one.parents)} nodes as in truth')
+               f'{len(one.parents) - wrong} of {len(one.parents)} nodes correct')
     yield ''
     yield from _nodes(one)
 
@@ -106,7 +106,7 @@ def _nodes(one: Results) -> Iterator[str]:
     if len(one.parents) <= _MOST_ROWS:
         rows.sort(key=lambda row: int(row[0]))
     else:
-        yield f'the {_MOST_ROWS} nodes of {len(one.parents):,} that lost most:'
+        yield f'the {_MOST_ROWS} nodes of {len(one.parents):,} with the highest losses:'
     yield from table([head, *rows])
 
 
@@ -117,12 +117,12 @@ def _share(one: Results, node: int) -> float:
 
 def several(columns: Mapping[str, Sequence[Results]]) -> Iterator[str]:
     """
-    Write runs side by side: the mean over the seeds, and its standard deviation.
+    Yield a comparison of runs: mean and standard deviation over the seeds.
 
-    :param columns: runs by what their column is called.
+    :param columns: runs by the title of their column.
     """
     if not columns:
-        yield 'nothing was complete'
+        yield 'no run was completed'
         return
     rows = [('', *columns)]
     rows.append(('runs', *(str(len(runs)) for runs in columns.values())))
@@ -134,7 +134,7 @@ def several(columns: Mapping[str, Sequence[Results]]) -> Iterator[str]:
 
 
 def mean_and_spread(values: Sequence[float], digits: int) -> str:
-    """Write the mean of several runs and their standard deviation."""
+    """Format the mean of several runs and their standard deviation."""
     known = [value for value in values if math.isfinite(value)]
     if not known:
         return '-'
@@ -143,7 +143,7 @@ def mean_and_spread(values: Sequence[float], digits: int) -> str:
 
 
 def table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Line up a table: the first row is the head, the first column a label."""
+    """Align a table: the first row is the header, the first column has labels."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     for row in rows:
         cells = [f'{row[0]:<{widths[0]}}']

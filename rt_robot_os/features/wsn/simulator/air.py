@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A frame on the air, and radios as the air sees them."""
+"""A frame on the air, and the interface of radios to the medium."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from abc import abstractmethod
 from typing import Final
 from typing import NamedTuple
 
-#: In place of an AM type: the frame is an acknowledgement.
+#: Used as the AM type of an acknowledgement.
 ACK: Final = -1
 #: x, y and height in m.
 Position = tuple[float, float, float]
@@ -29,7 +29,7 @@ Position = tuple[float, float, float]
 
 class Link(NamedTuple):
     """
-    One way between two nodes.
+One direction of a link between two nodes.
 
     :ivar reception_rate: share of the frames that arrive, 0 to 1; acknowledgements too.
     :ivar rssi_dbm: as the receiver sees it.
@@ -43,26 +43,26 @@ class Link(NamedTuple):
 
 class Radio(ABC):
     """
-    A radio as the air sees it.
+The interface of a radio to the medium.
 
     :ivar address: of the mote.
-    :ivar number: unique also where networks share the area, and have the same addresses.
-    :ivar pan: the network that it belongs to; frames of others are noise to it.
-    :ivar power_dbm: that it sends with.
-    :ivar is_on: it has power.
-    :ivar on_since_ns: since when.
-    :ivar sent_frames: that were on the air, acknowledgements not among them.
-    :ivar sent_acks: acknowledgements.
-    :ivar received_frames: for this node or for all.
-    :ivar air_ns: how long it has sent.
-    :ivar links: signal strength at others, in dBm. It belongs to the medium, as do the attributes
-        below; read it by ``GainMedium.links_of``, which computes it where it is not stored.
-    :ivar fixed_links: in place of ``links`` where nothing but links is known.
-    :ivar hearers: who may receive its frames; None: to be found out.
-    :ivar near: lists of what is on the air in its part of the area; its own list is first.
-    :ivar noise_place: where in the series of noise it is.
-    :ivar is_out_of_step: its receive FIFO holds what was cut off, so that it has to be given all
-        that it receives.
+    :ivar number: unique even if several networks in the area use the same addresses.
+:ivar pan: its network; frames of other networks are noise to it.
+    :ivar power_dbm: transmit power.
+    :ivar is_on: whether it has power.
+    :ivar on_since_ns: when it was switched on.
+    :ivar sent_frames: frames sent, without acknowledgements.
+    :ivar sent_acks: acknowledgements sent.
+    :ivar received_frames: frames received for this node, and broadcasts.
+    :ivar air_ns: total time of its transmissions.
+    :ivar links: signal strength at other radios, in dBm. This and the attributes below belong to
+        the medium; read it with ``GainMedium.links_of``, which computes it if it is not stored.
+    :ivar fixed_links: used instead of ``links`` if only the links are known.
+    :ivar hearers: radios that may receive its frames; None: not computed yet.
+    :ivar near: lists of the frames on the air in its part of the area; its own list is first.
+    :ivar noise_place: its offset in the series of noise.
+    :ivar is_out_of_step: its receive FIFO contains part of a frame that was cut off, so the
+        medium must deliver all frames that it can receive.
     """
 
     __slots__ = (
@@ -71,7 +71,7 @@ class Radio(ABC):
         'noise_place', 'is_out_of_step')
 
     def __init__(self, address: int, power_dbm: float) -> None:
-        """Make a radio that is off, and linked with none."""
+        """Create a radio that is off and has no links."""
         self.address = address
         self.number = address
         self.pan = 0
@@ -91,41 +91,41 @@ class Radio(ABC):
 
     @abstractmethod
     def take(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame for this node or for all."""
+        """Receive a frame for this node, or a broadcast."""
 
     @abstractmethod
     def overhear(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame for another node."""
+        """Receive a frame for another node."""
 
     @abstractmethod
     def store(self, frame: Transmission, lqi: int, rssi_dbm: int) -> None:
-        """Take a frame into a receive FIFO that is out of step."""
+        """Add a frame to a receive FIFO that is out of step."""
 
     @abstractmethod
     def miss(self, frame: Transmission) -> None:
-        """Miss a frame for this node."""
+        """Lose a frame for this node."""
 
     @abstractmethod
     def acked(self) -> None:
-        """Take an acknowledgement with the number of the frame that was sent."""
+        """Receive an acknowledgement with the sequence number of the frame sent."""
 
 
 class Transmission:
     """
-    A frame on the air, or that was.
+    A frame that is or was on the air.
 
-    :ivar sender: whose it is.
-    :ivar destination: an address; that of all is 0xFFFF.
+    :ivar sender: the radio that sends it.
+    :ivar destination: an address; 0xFFFF is the broadcast address.
     :ivar am_type: of the active message, ``ACK`` for an acknowledgement.
     :ivar payload: of the active message.
-    :ivar acknowledge: the receivers are to acknowledge it.
+    :ivar acknowledge: an acknowledgement is requested.
     :ivar dsn: sequence number of the frame.
-    :ivar begin_ns: the first bit is on the air; before that the radio turns to sending.
-    :ivar end_ns: the last bit was on the air.
-    :ivar overlaps: what else was on the air near by at any time between.
-    :ivar unfinished: how many of itself and ``overlaps`` are still on the air.
-    :ivar starts: by receiver, why it did not start to receive this; 0 where it did.
-    :ivar cell: the list of what is on the air in the sender's part of the area.
+    :ivar begin_ns: time of the first bit; before it the radio switches to transmit mode.
+    :ivar end_ns: time of the last bit.
+    :ivar overlaps: other frames that were on the air nearby between these times.
+    :ivar unfinished: number of frames, of itself and ``overlaps``, still on the air.
+    :ivar starts: for each receiver the reason why it did not start to receive; 0: it started.
+    :ivar cell: the list of the frames on the air in the sender's part of the area.
     """
 
     __slots__ = ('sender', 'destination', 'am_type', 'payload', 'acknowledge', 'dsn', 'begin_ns',
@@ -133,7 +133,7 @@ class Transmission:
 
     def __init__(self, sender: Radio, destination: int, am_type: int, payload: bytes,
                  acknowledge: bool, dsn: int, begin_ns: int, end_ns: int) -> None:
-        """Take what the frame is; see the class."""
+        """Create a frame; for its parameters see the class."""
         self.sender = sender
         self.destination = destination
         self.am_type = am_type

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Keeps what is on the air as a pcap file, byte for byte as a sniffer would hear it."""
+"""Records the frames on the air in a pcap file, byte for byte as a sniffer receives them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from rt_robot_os.features.wsn.simulator.air import ACK
 from rt_robot_os.features.wsn.simulator.air import Transmission
 from rt_robot_os.features.wsn.simulator.pcap import PcapWriter
 
-# No frame is on the air for longer.
+# The longest time that a frame is on the air.
 _LONGEST_NS: Final = 10_000_000
 
 
@@ -58,7 +58,7 @@ def bytes_of(frame: Transmission, version: int) -> bytes:
 
 class AirLog:
     """
-    Writes each frame that goes on the air, those that nobody receives as well.
+    Writes every frame that is sent, including frames that no node receives.
 
     :param file: opened for writing bytes; the caller closes it.
     :param with_fcs: see :class:`.PcapWriter`.
@@ -72,7 +72,7 @@ class AirLog:
 
     @property
     def frames(self) -> int:
-        """Return how many were written."""
+        """Return the number of frames written."""
         return self._writer.frames
 
     def __call__(self, frame: Transmission) -> None:
@@ -83,11 +83,11 @@ class AirLog:
         self._write_before(frame.end_ns - _LONGEST_NS)
 
     def flush(self) -> None:
-        """Write what waits for its turn."""
+        """Write the frames that are still buffered."""
         self._write_before(None)
 
     def _write_before(self, time_ns: int | None) -> None:
-        """Write in the order in which frames began; they are told of when they have ended."""
+        """Write frames in order of their begin; they are reported at their end."""
         while self._waiting and (time_ns is None or self._waiting[0][0] < time_ns):
             begin_ns, _, data = heappop(self._waiting)
             self._writer.write(begin_ns, data)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The serial side of a sink's mote: what a root or a base station of TinyOS sends and takes.
+The serial side of a sink's mote: what a root or base station of TinyOS sends and receives.
 
-It has no port and no clock: bytes for the host go to a callable, the time is handed in. The bytes
-leave one after the other at the speed of the line, so that a burst fills the queue of frames.
+It has no port and no clock: a callable receives the bytes for the host, and the caller passes the
+time. Bytes leave at the speed of the line, so a burst fills the queue of frames.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ from rt_robot_os.features.wsn.packets.tos_msg import GROUP
 from rt_robot_os.features.wsn.packets.tos_msg import TelosMsg
 from rt_robot_os.features.wsn.routing.protocol import BROADCAST
 
-#: Frames that wait for the serial line, and for the radio, as in TOSBase and BaseStation.
+#: Capacity of the queues for the serial line and the radio, as in TOSBase and BaseStation.
 QUEUE: Final = 12
 GROUP_T2: Final = 0x22
 _BITS_PER_BYTE: Final = 10
 _NS_PER_S: Final = 1_000_000_000
 _U16: Final = 0xFFFF
 _ROOT_SOURCE: Final = b'\0\0'
-# What routing protocols note -> the event of TinyOS' debug messages, and whether it is of routing.
+# Event of a routing protocol -> event of TinyOS' debug messages, and whether it is about routing.
 _EVENTS: Final[Mapping[str, tuple[int, bool]]] = {
     'data_heard': (0x21, False), 'loop': (0x18, False), 'given_up': (0x26, False),
     'no_parent': (0x30, True), 'no_route': (0x30, True), 'parent': (0x31, True),
@@ -68,8 +68,8 @@ class Station(NamedTuple):
     :ivar name: of the program.
     :ivar protocols: of its generation of TinyOS.
     :ivar baud: usual speed of its line.
-    :ivar sniffs: it hands over each frame that its radio hears, and takes any to send.
-    :ivar debug: of its debug messages; None where it has none.
+    :ivar sniffs: it forwards each frame that its radio receives, and sends any frame.
+    :ivar debug: its debug messages; None: it has none.
     """
 
     name: str
@@ -106,25 +106,25 @@ class BaseStation:
     """
     What a sink's mote does between its radio and its serial line.
 
-    :ivar station: which program it is.
-    :ivar sent: packets that went out on the line.
-    :ivar line_full: packets that were lost because too many waited for the line.
-    :ivar taken: packets of the host that were taken.
-    :ivar radio_full: packets of the host that found no room; no acknowledgement was sent for them.
-    :ivar refused: packets of the host that were none, or not for this program.
+    :ivar station: its program.
+    :ivar sent: packets sent on the line.
+    :ivar line_full: packets dropped because the queue for the line was full.
+    :ivar taken: packets accepted from the host.
+    :ivar radio_full: packets from the host dropped by a full queue, without an acknowledgement.
+    :ivar refused: packets from the host that were invalid or not for this program.
     """
 
     def __init__(self, station: Station, to_host: Callable[[bytes, int], object],
                  to_radio: Callable[[Outgoing], bool], baud: int = 0, group: int = -1,
                  am_type: int = Oscilloscope.AM_TYPE) -> None:
         """
-        Begin with empty queues.
+        Create a base station with empty queues.
 
-        :param to_host: takes bytes for the line, and when they start to leave, in ns.
-        :param to_radio: begins to send a packet; returns False while another is on its way.
-        :param baud: of the line; 0: nothing waits.
-        :param group: of the network; -1 the usual one.
-        :param am_type: of data on the line, where a root of TinyOS 2.x takes the header off.
+        :param to_host: called with bytes for the line, and the start of their transmission in ns.
+        :param to_radio: starts to send a packet; returns False while another one is being sent.
+        :param baud: of the line; 0: transmission takes no time.
+        :param group: of the network; -1: the default group.
+        :param am_type: of data on the line, if a root of TinyOS 2.x removes the routing header.
         """
         self.station = station
         self.sent = self.line_full = self.taken = self.radio_full = self.refused = 0
@@ -136,13 +136,13 @@ class BaseStation:
         self._am_type = am_type
         self._reader = FrameReader()
         self._debug_seqno = 0
-        # When each frame that waits for the line has left it.
+        # End of transmission of each frame queued for the line.
         self._leaves_ns: deque[int] = deque()
         self._free_ns = 0
         self._for_radio: deque[Outgoing] = deque()
 
     def reset(self) -> None:
-        """Begin anew, as after a reset of the mote; the counters stay."""
+        """Clear the state, as a reset of the mote does; the counters stay."""
         self._reader = FrameReader()
         self._debug_seqno = 0
         self._leaves_ns.clear()
@@ -152,10 +152,10 @@ class BaseStation:
 
     def delivered(self, am_type: int, payload: bytes, application: bytes, now_ns: int) -> None:
         """
-        Hand over a data packet that reached the root.
+        Send a data packet that reached the root to the host.
 
-        :param payload: of the active message, with the header of the routing.
-        :param application: what is behind that header.
+        :param payload: of the active message, with the routing header.
+        :param application: the payload behind that header.
         """
         if self.station.sniffs:
             return
@@ -164,12 +164,12 @@ class BaseStation:
             packet = TelosMsg(UART_ADDRESS, am_type, _ROOT_SOURCE + payload[2:], self._group)
             self._send(packet.pack(), now_ns)
         else:
-            # MultihopOscilloscope hands on what the application had sent, without a header.
+            # MultihopOscilloscope forwards the application's payload without a header.
             self._send(SerialAm(BROADCAST, 0, self._am_type, application).pack(), now_ns)
 
     def heard(self, destination: int, source: int, am_type: int, payload: bytes, dsn: int,
               acknowledge: bool, now_ns: int) -> None:
-        """Hand over a frame that a sniffer heard, whoever it was for."""
+        """Send a frame that a sniffer received to the host, whatever its destination."""
         if not self.station.sniffs:
             return
         if self.station.protocols is TINYOS_1:
@@ -180,7 +180,7 @@ class BaseStation:
             self._send(SerialAm(destination, source, am_type, payload, self._group).pack(), now_ns)
 
     def noted(self, event: str, numbers: tuple[int, ...], now_ns: int) -> None:
-        """Tell the host what the routing of the root does, where the program does so."""
+        """Send a routing event of the root to the host, if the program does so."""
         known = _EVENTS.get(event)
         if self.station.debug is None or known is None:
             return
@@ -212,13 +212,13 @@ class BaseStation:
     # ---- from the host -----------------------------------------------------------------------
 
     def take(self, data: bytes, now_ns: int) -> None:
-        """Take bytes from the host, answer them, and send on what they hold."""
+        """Parse bytes from the host, acknowledge packets, and send them by radio."""
         for each in self._reader.feed(data):
             self._take_frame(each, now_ns)
         self.radio_ready()
 
     def radio_ready(self) -> None:
-        """Send what waits for the radio; called when a packet of this queue is through."""
+        """Send the next queued packet; called when one of this queue has been sent."""
         while self._for_radio and self._to_radio(self._for_radio[0]):
             self._for_radio.popleft()
 
@@ -242,7 +242,7 @@ class BaseStation:
             self._leave(frame(protocols.ack, bytes((each.token,))), now_ns)
 
     def _read(self, packet: bytes) -> Outgoing | None:
-        """Return what is to be sent; None for no packet, no command, or another group."""
+        """Return the packet to send; None if it is invalid, no command, or of another group."""
         try:
             if self.station.protocols is TINYOS_1:
                 telos = TelosMsg.unpack(packet)

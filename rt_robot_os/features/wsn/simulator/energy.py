@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a mote's charge goes, and what is left of its battery."""
+"""The energy consumption of a mote, and the state of its battery."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ _NS_PER_HOUR: Final = 3_600_000_000_000
 
 class PowerModel(NamedTuple):
     """
-    What a mote draws, in mA; the defaults are a Tmote Sky's, which always listens.
+    The current of a mote in mA; the defaults are those of a Tmote Sky that always listens.
 
     :ivar listening_ma: radio and processor while it listens.
     :ivar sending_processor_ma: the processor while the radio sends.
-    :ivar sleeping_ma: of a mote that sleeps, or between two looks at the channel.
+    :ivar sleeping_ma: of a sleeping mote, also between two checks of the channel.
     :ivar capacity_mah: of a new battery.
-    :ivar acceleration: a battery empties so many times faster, to show it in a short run.
-    :ivar listening_share: of the time that the radio listens; 1 always. Below, low-power
-        listening: it sleeps and looks whether a frame comes.
-    :ivar wake_interval_s: with low-power listening, from look to look: half of it, on average, a
-        sender repeats each frame until the receiver is awake.
+    :ivar acceleration: factor by which a battery discharges faster, for short runs.
+    :ivar listening_share: share of the time in which the radio listens; 1: always. Below 1 it
+        is low-power listening: the radio sleeps and checks the channel periodically.
+    :ivar wake_interval_s: with low-power listening, the time between two checks. A sender
+        repeats each frame until the receiver is awake: half of this time on average.
     """
 
     listening_ma: float = 21.8
@@ -52,7 +52,7 @@ class PowerModel(NamedTuple):
 # Two alkaline cells: the part of the charge that is used, and the voltage then.
 _DISCHARGE: Final = (
     (0.0, 3.2), (0.05, 2.95), (0.15, 2.8), (0.5, 2.6), (0.8, 2.4), (0.93, 2.2), (1.0, 1.8))
-#: Below it the radio is not to be relied on.
+#: Below this voltage the radio is not reliable.
 UNSTABLE_V: Final = 2.1
 _FULL_SCALE_V: Final = 3.0
 _ADC_VALUES: Final = 4096
@@ -62,17 +62,17 @@ class Battery:
     """
     The battery of a mote.
 
-    :ivar model: what the mote draws.
-    :ivar used_mah: up to the last account.
+    :ivar model: the power model of the mote.
+    :ivar used_mah: used charge at the last call of :meth:`account`.
     """
 
     __slots__ = ('model', 'used_mah', '_is_on', '_counted_ns', '_air_ns', '_frames', '_received')
 
     def __init__(self, model: PowerModel, used_mah: float = 0.0) -> None:
         """
-        Start with a mote that is off.
+        Create the battery of a mote that is off.
 
-        :param used_mah: of the capacity.
+        :param used_mah: charge already used.
         """
         self.model = model
         self.used_mah = used_mah
@@ -84,21 +84,21 @@ class Battery:
 
     @property
     def is_empty(self) -> bool:
-        """Return whether nothing was left at the last account."""
+        """Return whether it was empty at the last call of :meth:`account`."""
         return self.used_mah >= self.model.capacity_mah
 
     def switch_on(self, now_ns: int) -> None:
-        """Begin to count; what was off meanwhile used nothing."""
+        """Start counting; a mote that is off uses no charge."""
         self._is_on = True
         self._counted_ns = now_ns
 
     def switch_off(self, now_ns: int, radio: Radio) -> None:
-        """Count to the end."""
+        """Count the charge up to now, then stop counting."""
         self.account(now_ns, radio)
         self._is_on = False
 
     def account(self, now_ns: int, radio: Radio) -> float:
-        """Count what was used up to now; return what is left, in mAh."""
+        """Count the charge used up to now; return the remaining charge in mAh."""
         model = self.model
         if self._is_on:
             time_ns = now_ns - self._counted_ns
@@ -111,7 +111,7 @@ class Battery:
             sending_ma = transmit_current_ma(radio.power_dbm) + model.sending_processor_ma
             share = model.listening_share
             if share < 1:
-                # While frames repeat, the receiver hears one and a half of them.
+                # Of the repeated frames the receiver hears one and a half on average.
                 air_ns += int(frames * model.wake_interval_s * 0.5e9)
                 awake_ns = share * time_ns + received * 3_000_000
             else:
@@ -126,7 +126,7 @@ class Battery:
 
     @property
     def voltage_v(self) -> float:
-        """Return the voltage at the last account."""
+        """Return the voltage at the last call of :meth:`account`."""
         used = min(self.used_mah / self.model.capacity_mah, 1.0)
         (before, high) = _DISCHARGE[0]
         for after, low in _DISCHARGE[1:]:
@@ -137,5 +137,5 @@ class Battery:
 
     @property
     def raw_voltage(self) -> int:
-        """Return the same as the mote's converter reads it: 12 bits of half of it, at 1.5 V."""
+        """Return it as the mote's ADC reads it: 12 bits of half of it, reference 1.5 V."""
         return min(int(self.voltage_v / _FULL_SCALE_V * _ADC_VALUES), _ADC_VALUES - 1)

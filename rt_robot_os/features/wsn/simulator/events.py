@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What happens when: a queue of events on a virtual clock, in integer ns.
+A queue of events on a virtual clock, in integer ns.
 
-Events of one instant run in the order in which they were planned, so that a run is the same each
-time. An event is planned at most once; whoever owns it plans it again and again, and nothing but
-the entry in the queue is allocated.
+Events of the same time run in the order in which they were scheduled, so runs are reproducible.
+An event has at most one entry in the queue. Its owner can schedule it again and again: only the
+entry is allocated.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from heapq import heapify
 from heapq import heappop
 from heapq import heappush
 
-#: So many cancelled entries may stay in the queue, whatever its length.
+#: Number of cancelled entries that may stay in the queue, whatever its length.
 _STALE_AT_LEAST = 1000
 
 
 class Event:
     """
-    Something that can be planned.
+    A call that can be scheduled.
 
-    :ivar call: runs when the time has come; may be another each time.
-    :ivar number: of the entry in the queue; 0 while it is not planned.
+    :ivar call: called at the scheduled time; it may be replaced.
+    :ivar number: of the entry in the queue; 0 while it is not scheduled.
     """
 
     __slots__ = ('call', 'number')
@@ -49,16 +49,16 @@ class Event:
 
 class EventQueue:
     """
-    The events to come.
+    The scheduled events.
 
-    :ivar now_ns: the time of the event that runs, or up to which all have run.
-    :ivar executed: how many events have run.
+    :ivar now_ns: the time of the running event, or up to which all events have run.
+    :ivar executed: number of events that have run.
     """
 
     __slots__ = ('now_ns', 'executed', '_heap', '_number', '_stale')
 
     def __init__(self) -> None:
-        """Start at 0 with nothing to do."""
+        """Create an empty queue at time 0."""
         self.now_ns = 0
         self.executed = 0
         self._heap: list[tuple[int, int, Event]] = []
@@ -66,15 +66,15 @@ class EventQueue:
         self._stale = 0
 
     def __len__(self) -> int:
-        """Return how many events are planned."""
+        """Return the number of scheduled events."""
         return len(self._heap) - self._stale
 
     def at(self, time_ns: int, event: Event) -> None:
         """
-        Plan an event; if it is planned already, only the new time counts.
+        Schedule an event; if it is scheduled already, the new time replaces the old one.
 
         :param time_ns: not before ``now_ns``.
-        :raises ValueError: for a time that is past.
+        :raises ValueError: the time is in the past.
         """
         if time_ns < self.now_ns:
             raise ValueError(f'an event at {time_ns} ns: it is {self.now_ns} ns already')
@@ -86,13 +86,13 @@ class EventQueue:
         heappush(self._heap, (time_ns, number, event))
 
     def cancel(self, event: Event) -> None:
-        """Plan no longer; may be repeated."""
+        """Remove an event from the queue; may be repeated."""
         if event.number:
             event.number = 0
             self._forget_one()
 
     def _forget_one(self) -> None:
-        """Count an entry whose event is not that of its number any more."""
+        """Count a cancelled entry, and remove such entries if there are too many."""
         self._stale += 1
         heap = self._heap
         if self._stale > _STALE_AT_LEAST and 2 * self._stale > len(heap):
@@ -101,7 +101,7 @@ class EventQueue:
             self._stale = 0
 
     def next_ns(self) -> int | None:
-        """Return when the next event is; None without one."""
+        """Return the time of the next event; None without one."""
         heap = self._heap
         while heap and heap[0][2].number != heap[0][1]:
             heappop(heap)
@@ -110,9 +110,9 @@ class EventQueue:
 
     def run_until(self, time_ns: int) -> None:
         """
-        Run the events up to a time, that of the time itself included.
+        Run all events up to a time, inclusive.
 
-        An exception of an event ends the call; the queue stays whole, and may run on.
+        An exception of an event ends the call; the queue stays consistent and can continue.
         """
         heap = self._heap
         executed = 0

@@ -14,20 +14,20 @@
 
 
 """
-What happens to a network, read from the texts of a scenario.
+Faults and other events of a network, parsed from the strings of a scenario.
 
 ========================================  =========================================================
 ``kill WHO at S``                         no power from then on
-``boot WHO at S``                         switched on then, and not at the beginning
-``reboot WHO at S [for D]``               without power for D seconds (1), then cold again
+``boot WHO at S``                         switched on then, not at the start
+``reboot WHO at S [for D]``               without power for D seconds (1), then a cold boot
 ``sleep WHO at S for D``                  switched off for D seconds; it boots when it wakes
 ``silence WHO at S [for D]``              its application sends nothing; it forwards
-``move WHO X Y [at S]``                   is somewhere else from then on
-``noise DB at S for D``                   so much more noise everywhere
+``move WHO X Y [at S]``                   has this position from then on
+``noise DB at S for D``                   noise is higher by this everywhere
 ========================================  =========================================================
 
-WHO is an id, several with commas between (``3,4``), ``all``, ``sink``, or a share: ``10%`` of all
-nodes but the sink, drawn by the seed.
+WHO is an id, several separated by commas (``3,4``), ``all``, ``sink``, or a share: ``10%`` of all
+nodes except the sink, drawn with the seed.
 """
 
 from __future__ import annotations
@@ -65,12 +65,12 @@ _KINDS: Final = {
 
 class Fault(NamedTuple):
     """
-    Something that happens.
+    A fault or another event.
 
-    :ivar kind: of those of this module.
-    :ivar who: as it was written; see :func:`nodes_of`. Empty for noise.
+    :ivar kind: one of those in this module.
+    :ivar who: as written in the scenario; see :func:`nodes_of`. Empty for noise.
     :ivar numbers: x and y in m, or noise in dB.
-    :ivar for_s: how long; 0 is for good.
+    :ivar for_s: duration; 0: permanent.
     """
 
     kind: str
@@ -82,9 +82,9 @@ class Fault(NamedTuple):
 
 def fault(text: str) -> Fault:
     """
-    Read one text.
+    Parse one string.
 
-    :raises ValueError: with what is wrong and what would be right.
+    :raises ValueError: the string is invalid; with the remedy.
     """
     match = _FORM.fullmatch(text)
     if match is None:
@@ -92,7 +92,7 @@ def fault(text: str) -> Fault:
     name, middle, at, lasts = match.groups()
     kind = _KINDS.get(name)
     if kind is None:
-        raise ValueError(f'{name!r} is nothing that happens: there are {", ".join(_KINDS)}')
+        raise ValueError(f'{name!r} is not an event: there are {", ".join(_KINDS)}')
     words = middle.replace(', ', ',').split()
     form = _form(name, kind)
     if len(words) != kind.who + len(kind.numbers):
@@ -128,10 +128,10 @@ def _number(word: str, least: float, most: float, form: str) -> float:
 def nodes_of(one: Fault, ids: Collection[int], sinks: Collection[int], random: Random
              ) -> Sequence[int]:
     """
-    Return whom it concerns.
+    Return the ids of the nodes that a fault affects.
 
     :param ids: of all nodes.
-    :param sinks: of these.
+    :param sinks: ids of the sinks.
     :param random: draws a share.
     :raises ValueError: there is no such node.
     """

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The air by physics: a signal arrives with so many dBm, and is received above noise and others.
+The radio medium with a physical model: signal strength, noise and interference decide.
 
-A radio that has begun to receive a frame receives no other before its end. What comes meanwhile is
+A radio that has started to receive a frame receives no other before its end; meanwhile others are
 noise to it.
 """
 
@@ -45,39 +45,39 @@ from rt_robot_os.features.wsn.simulator.medium import RECEIVED
 from rt_robot_os.features.wsn.simulator.medium import SENDING
 from rt_robot_os.features.wsn.simulator.medium import WEAK
 
-# From here a radio sees that a frame begins.
+# Signal-to-noise ratio from which a radio detects the start of a frame.
 _SYNCHRONISATION_SNR_DB: Final = 1.0
 _FALSE_ACK: Final = 0.001
-# What is drawn for a frame at a radio; below it, by sequence number, against each other frame.
+# Steps of the random numbers for a frame at a radio; below, one for each other frame.
 _AT_BEGIN: Final = 256
 _AT_END: Final = 257
 _LQI: Final = 258
-# From here the noise adds nothing to what the radio sees of the strength.
+# Ratio from which the noise does not change the measured signal strength.
 _CLEAR_SNR_DB: Final = 12.0
 _NOTHING_DBM: Final = -999.0
-# One in so many values of the noise may be lower than that which a receivable signal has to pass.
+# One in this number of noise values may be below the floor for receivable signals.
 _CALM_SHARE: Final = 100
 
 
 def _milliwatts(dbm: float) -> float:
-    """Return a power that can be added to others."""
+    """Convert a power to mW, so that powers can be added."""
     return float(10 ** (dbm / 10))
 
 
 class GainMedium(Medium):
     """
-    Radios that hear each other with what ``set_gain`` says, over noise.
+    A medium with the gains of ``set_gain``, and noise.
 
-    With the profile ``tossim`` the rules are TOSSIM's: a frame is tried against the noise at its
-    start and again at its end, and against each that begins meanwhile. Else it is tried once,
-    against the worst of noise and others that it had.
+    With the profile ``tossim`` the rules are TOSSIM's: reception is decided at the start of a
+    frame, at its end, and at the start of each other frame meanwhile. With other profiles it is
+    decided once, with the largest sum of noise and interference.
     """
 
     def __init__(self, noise: Sequence[int], mac: MacProfile) -> None:
         """
-        Start with nobody there.
+        Create a medium without radios.
 
-        :param noise: in dBm, a value each ms; see ``rt_robot_os.features.wsn.radio.noise``.
+        :param noise: in dBm, one value for each ms; see ``rt_robot_os.features.wsn.radio.noise``.
         """
         super().__init__()
         self._noise = list(noise)
@@ -88,15 +88,15 @@ class GainMedium(Medium):
         self._median_dbm = ordered[self._length // 2]
         self._lowest_dbm = ordered[self._length // _CALM_SHARE] + WEAKEST_SNR_DB
         self._gains: dict[int, dict[int, float]] = {}
-        # The same by receiver, so that a new radio examines its neighbours only.
+        # The same by receiver, so that for a new radio only its neighbours are examined.
         self._senders: dict[int, dict[int, float]] = {}
         self._fading: Fading | None = None
 
     def set_gain(self, sender: int, receiver: int, gain_db: float) -> None:
         """
-        Say how much of the signal from one address arrives at another.
+        Set the gain from one address to another.
 
-        :param gain_db: to the power at the sender: negative.
+        :param gain_db: relative to the transmit power: negative.
         """
         self._gains.setdefault(sender, {})[receiver] = gain_db
         self._senders.setdefault(receiver, {})[sender] = gain_db
@@ -107,13 +107,13 @@ class GainMedium(Medium):
             radio.hearers = None
 
     def attach(self, radio: Radio, position: Position) -> None:
-        """Let a radio hear and be heard, as ``set_gain`` said."""
+        """Add a radio, with the gains of ``set_gain``."""
         super().attach(radio, position)
         radio.noise_place = self.random.randrange(self._length)
         self.moved(radio, position)
 
     def detach(self, radio: Radio) -> None:
-        """Take a radio away."""
+        """Remove a radio."""
         super().detach(radio)
         for address in self._senders.get(radio.address, ()):
             for other in self._by_address.get(address, ()):
@@ -121,7 +121,7 @@ class GainMedium(Medium):
                     other.hearers = None
 
     def moved(self, radio: Radio, position: Position) -> None:
-        """Take note of another power."""
+        """Note a new transmit power of a radio."""
         gains = self._gains.get(radio.address, {})
         radio.links = {other: radio.power_dbm + gain for address, gain in gains.items()
                        for other in self._by_address.get(address, ()) if other is not radio}
@@ -134,7 +134,7 @@ class GainMedium(Medium):
 
     def add_noise(self, more_db: int) -> None:
         """
-        Raise the noise everywhere, until it is lowered by as much.
+        Raise the noise everywhere.
 
         :param more_db: negative to lower it.
         """
@@ -145,11 +145,11 @@ class GainMedium(Medium):
                 radio.hearers = None
 
     def links_of(self, radio: Radio) -> dict[Radio, float]:
-        """Return the signal of a radio at all radios in reach, in dBm."""
+        """Return the signal strength of a radio at all radios in range, in dBm."""
         return radio.links
 
     def hearers(self, radio: Radio) -> tuple[Radio, ...]:
-        """Return who may receive what a radio sends."""
+        """Return the radios that may receive frames of a radio."""
         hearers = radio.hearers
         if hearers is None:
             links = self.links_of(radio)
@@ -163,7 +163,7 @@ class GainMedium(Medium):
         return self._noise[(now_ns // NS_PER_SAMPLE + radio.noise_place) % self._length]
 
     def is_busy(self, radio: Radio, now_ns: int) -> bool:
-        """Return whether noise and signals together reach the threshold."""
+        """Return whether the sum of noise and signals reaches the CCA threshold."""
         noise = self._noise[(now_ns // NS_PER_SAMPLE + radio.noise_place) % self._length]
         if noise >= self._cca_dbm:
             return True
@@ -177,7 +177,7 @@ class GainMedium(Medium):
         return total > 0 and 10 * log10(total + _milliwatts(noise)) >= self._cca_dbm
 
     def hear(self, frame: Transmission, radio: Radio) -> int:
-        """Return what becomes of a frame that has just ended at a radio."""
+        """Return the outcome of a frame that has just ended at a radio."""
         power = frame.sender.links.get(radio)
         if power is None:
             return NO_LINK
@@ -205,7 +205,7 @@ class GainMedium(Medium):
         return RECEIVED
 
     def give_to_all(self, frame: Transmission, receivers: list[Radio]) -> None:
-        """Give a frame to all that receive it; the same as ``hear`` of each, in less time."""
+        """Deliver a frame to all its receivers; as ``hear`` of each, but faster."""
         if frame.overlaps is not None or self._fading is not None or self._tossim:
             super().give_to_all(frame, receivers)
             return
@@ -238,7 +238,7 @@ class GainMedium(Medium):
         outcomes[NO_LINK] += not hearers
 
     def _hear_among_others(self, frame: Transmission, radio: Radio, power: float) -> int:
-        """Return the same where other frames were on the air meanwhile."""
+        """Return the outcome of a frame that overlapped with others."""
         outcome = self._start(frame, radio, power)
         if outcome:
             return outcome
@@ -274,7 +274,7 @@ class GainMedium(Medium):
 
     @staticmethod
     def _worst(begin_ns: int, others: list[tuple[Transmission, float]]) -> float:
-        """Return the largest sum of others at any time since a frame began."""
+        """Return the largest sum of the interference at any time since a frame began."""
         worst = 0.0
         for first, _ in others:
             when = max(first.begin_ns, begin_ns)
@@ -292,7 +292,7 @@ class GainMedium(Medium):
         return known
 
     def _find_start(self, frame: Transmission, radio: Radio, power: float) -> int:
-        """Return the same, found out from what was on the air when the frame began."""
+        """Compute this from the frames that were on the air when the frame began."""
         if not radio.is_on:
             return OFF
         begin_ns = frame.begin_ns
@@ -321,7 +321,7 @@ class GainMedium(Medium):
         return BUSY if busy else RECEIVED
 
     def _still_receives(self, frame: Transmission, radio: Radio, now_ns: int) -> bool:
-        """Return whether a radio is still at a frame; in TOSSIM the end of any other ends it."""
+        """Return whether a radio still receives a frame; in TOSSIM until any other one ends."""
         if self._tossim:
             for other in frame.overlaps or ():
                 if frame.begin_ns < other.end_ns <= now_ns and radio in other.sender.links:
@@ -329,7 +329,7 @@ class GainMedium(Medium):
         return True
 
     def is_acknowledged(self, frame: Transmission, receiver: Radio) -> bool:
-        """Decide, as TOSSIM does, whether the acknowledgement of a receiver arrives."""
+        """Decide, as in TOSSIM, whether the acknowledgement of a receiver arrives."""
         sender = frame.sender
         power = self.links_of(receiver).get(sender, 1.0)
         total = _milliwatts(self.noise_dbm(sender, frame.end_ns))
@@ -341,5 +341,5 @@ class GainMedium(Medium):
         return is_received(power - 10 * log10(total), self.random.random())
 
     def is_falsely_acknowledged(self) -> bool:
-        """Decide, as TOSSIM does, whether a lost frame counts as received."""
+        """Decide, as in TOSSIM, whether a lost frame counts as received."""
         return self.random.random() < _FALSE_ACK

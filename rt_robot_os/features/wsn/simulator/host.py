@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The robot's side of a simulated network: its model of it, beside the truth."""
+"""The robot's model of a simulated network, for comparison with the true counts."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _UART: Final = 0x7E
 
 class Host:
     """
-    Feeds the packets of a sink's serial line to the model that a robot has of its network.
+    Passes the packets of a sink's serial line to the network model of a robot.
 
     :param version: of TinyOS.
     :param sink: its address.
-    :param nodes: how many there are.
-    :ivar model: the robot's.
-    :ivar duplicates: packets that it gave to the application once more.
-    :ivar withheld: packets that it took for duplicates, and were not.
+    :param nodes: number of nodes.
+    :ivar model: the network model of the robot.
+    :ivar duplicates: packets passed to the application again.
+    :ivar withheld: packets that the model wrongly treated as duplicates.
     """
 
     def __init__(self, version: int, sink: int, nodes: int) -> None:
@@ -51,9 +51,9 @@ class Host:
 
     def take(self, am_type: int, payload: bytes, is_new: bool, now_ns: int) -> None:
         """
-        Take a packet from the serial line.
+        Process a packet from the serial line.
 
-        :param is_new: it comes for the first time, in truth.
+        :param is_new: whether it is really the first copy.
         """
         if self._version == 1:
             packet = TelosMsg(_UART, am_type, payload).pack()
@@ -65,10 +65,10 @@ class Host:
 
     def as_json(self, truly_lost: Mapping[int, int]) -> dict[str, Any]:
         """
-        Return what it counted, and where that is not the truth.
+        Return its counts, and the nodes for which they differ from the true ones.
 
-        :param truly_lost: by node, packets lost before the last one that came: of those after it
-            nothing can be known.
+        :param truly_lost: by node, packets lost before the last one delivered; the model cannot
+            know of later losses.
         """
         lost = {each: node.lost for each, node in sorted(self.model.nodes.items())}
         wrong = {each: {'host': lost.get(each, 0), 'truth': count}

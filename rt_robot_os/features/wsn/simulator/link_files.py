@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Files that say how nodes hear each other: lists of links, and TOSSIM's gains."""
+"""Files of links between nodes: lists of links, and TOSSIM's gains."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ LINK_WORDS: Final = 'from to prr rssi lqi'
 
 class Link(NamedTuple):
     """
-    How one node hears another.
+    The quality of the link from one node to another.
 
-    :ivar prr: share of frames that come through.
-    :ivar rssi_dbm: strength with which they come.
-    :ivar lqi: link quality indication that they come with.
+    :ivar prr: packet reception rate, 0 to 1.
+    :ivar rssi_dbm: signal strength at the receiver.
+    :ivar lqi: link quality indication at the receiver.
     """
 
     prr: float
@@ -56,7 +56,7 @@ class Link(NamedTuple):
 
 
 class LinkChange(NamedTuple):
-    """What a link is from a time on."""
+    """The quality of a link from a time on."""
 
     at_ns: int
     source: int
@@ -73,9 +73,9 @@ _SILENT: Final = Link(0.0, -100.0, 50)
 
 def lines_of(file: str) -> Iterator[tuple[int, str]]:
     """
-    Read the lines of a text file, packed or not, without what stands behind a #.
+    Read the lines of a text file, compressed or not, without comments (#).
 
-    :return: number and text of those that say something.
+    :return: number and text of the lines that are not empty.
     :raises ConfigError: it cannot be read.
     """
     path = Path(file)
@@ -96,7 +96,7 @@ def lines_of(file: str) -> Iterator[tuple[int, str]]:
 
 
 class _Problems:
-    """What is wrong in a file, line by line."""
+    """Collects the errors of a file, with line numbers."""
 
     def __init__(self, file: str) -> None:
         self._file = file
@@ -121,8 +121,8 @@ def read_links(file: str, time_unit: str = 's') -> tuple[Links, Sequence[LinkCha
     Read a list of links: ``from to prr rssi lqi``, and ``@ t from to prr rssi lqi`` for a change.
 
     :param time_unit: of t: s, ms or us.
-    :return: the links at the beginning, and the changes in the order of time.
-    :raises ConfigError: with every line that cannot be used.
+    :return: the links at the start, and the changes in order of time.
+    :raises ConfigError: with every invalid line.
     """
     links: Links = {}
     changes: list[LinkChange] = []
@@ -141,8 +141,8 @@ def read_links(file: str, time_unit: str = 's') -> tuple[Links, Sequence[LinkCha
             problems.add(number, text, error)
     problems.raise_any()
     if not links and not changes:
-        raise ConfigError([f'{file}: no link in it: each is a line {LINK_WORDS}'])
-    changes.sort(key=lambda change: change.at_ns)  # of one time: in the order of the file
+        raise ConfigError([f'{file}: contains no link: write one a line, as {LINK_WORDS}'])
+    changes.sort(key=lambda change: change.at_ns)  # same time: in the order of the file
     return links, changes
 
 
@@ -162,12 +162,12 @@ def _link(words: Sequence[str], before: str) -> tuple[int, int, Link]:
 
 def read_gains(file: str) -> Gains:
     """
-    Read a topology of TOSSIM: ``gain from to dB``; a later line of a pair wins.
+    Read a topology of TOSSIM: ``gain from to dB``; the last line of a pair is used.
 
-    Lines ``noise node floor range``, which TOSSIM's LinkLayerModel writes, are left to the noise
-    model. The first word may be missing.
+    Lines ``noise node floor range``, which TOSSIM's LinkLayerModel writes, are ignored: the noise
+    model replaces them. The first word may be missing.
 
-    :raises ConfigError: with every line that cannot be used.
+    :raises ConfigError: with every invalid line.
     """
     gains: Gains = {}
     problems = _Problems(file)
@@ -181,13 +181,13 @@ def read_gains(file: str) -> Gains:
             if len(words) != 3:
                 raise ValueError('must be gain from to dB')
             source, destination = _id(words[0]), _id(words[1])
-            if source != destination:  # a node's own line means nothing
+            if source != destination:  # the gain from a node to itself has no meaning
                 gains[source, destination] = _number(words[2], -1000.0, 200.0, 'gain, in dB,')
         except ValueError as error:
             problems.add(number, text, error)
     problems.raise_any()
     if not gains:
-        raise ConfigError([f'{file}: no gain in it: each is a line gain from to dB'])
+        raise ConfigError([f'{file}: contains no gain: write one a line, as gain from to dB'])
     return gains
 
 

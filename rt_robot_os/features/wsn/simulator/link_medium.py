@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The air as a list of links: so many of the frames arrive, with this RSSI and LQI.
+The radio medium as a list of links, each with a reception rate, an RSSI and an LQI.
 
-Two frames at once at a radio that both could have reached it are lost, whatever their strength.
+Frames that overlap at a radio that both could have reached are lost, whatever their strength.
 """
 
 from __future__ import annotations
@@ -37,26 +37,26 @@ from rt_robot_os.features.wsn.simulator.medium import WEAK
 
 
 class LinkMedium(Medium):
-    """Radios that hear each other as ``set_link`` says; it may say something else at any time."""
+    """A medium with the links of ``set_link``, which may change at any time."""
 
     def __init__(self, mac: MacProfile) -> None:
-        """Start with nobody there."""
+        """Create a medium without radios."""
         super().__init__()
         self._cca_dbm = mac.cca_dbm
         self._links: dict[int, dict[int, Link]] = {}
-        # By receiver, so that a new radio examines its neighbours only.
+        # By receiver, so that for a new radio only its neighbours are examined.
         self._senders: dict[int, dict[int, None]] = {}
 
     def set_link(self, sender: int, receiver: int, link: Link | None) -> None:
         """
-        Say how frames from one address arrive at another.
+        Set the link from one address to another.
 
-        :param link: None: not at all, as with a rate of 0.
-        :raises ValueError: for a rate or LQI that cannot be.
+        :param link: None: no link, as with a rate of 0.
+        :raises ValueError: the rate or the LQI is out of range.
         """
         if link is not None and not 0 <= link.reception_rate <= 1:
             raise ValueError(
-                f'link {sender} to {receiver}: rate {link.reception_rate}, it is from 0 to 1')
+                f'link {sender} to {receiver}: rate {link.reception_rate}: must be from 0 to 1')
         if link is None or link.reception_rate == 0:
             self._links.get(sender, {}).pop(receiver, None)
             self._senders.get(receiver, {}).pop(sender, None)
@@ -67,20 +67,20 @@ class LinkMedium(Medium):
             self._refresh(radio)
 
     def _refresh(self, radio: Radio) -> None:
-        """Find those that hear a radio."""
+        """Update the radios that hear a radio."""
         links = self._links.get(radio.address, {})
         radio.fixed_links = {other: link for address, link in links.items()
                              for other in self._by_address.get(address, ()) if other is not radio}
         radio.hearers = tuple(radio.fixed_links)
 
     def attach(self, radio: Radio, position: Position) -> None:
-        """Let a radio hear and be heard, as ``set_link`` said."""
+        """Add a radio, with the links of ``set_link``."""
         super().attach(radio, position)
         self._refresh(radio)
         self._refresh_those_heard_by(radio)
 
     def detach(self, radio: Radio) -> None:
-        """Take a radio away."""
+        """Remove a radio."""
         super().detach(radio)
         self._refresh_those_heard_by(radio)
 
@@ -90,16 +90,16 @@ class LinkMedium(Medium):
                 self._refresh(other)
 
     def hearers(self, radio: Radio) -> tuple[Radio, ...]:
-        """Return who may receive what a radio sends."""
+        """Return the radios that may receive frames of a radio."""
         return radio.hearers or ()
 
     def is_acknowledged(self, frame: Transmission, receiver: Radio) -> bool:
-        """Decide, where acknowledgements are not sent, whether that of a receiver arrives."""
+        """Return whether an acknowledgement arrives, if they are not sent as frames."""
         link = receiver.fixed_links.get(frame.sender)
         return link is not None and self.random.random() < link.reception_rate
 
     def is_busy(self, radio: Radio, now_ns: int) -> bool:
-        """Return whether a signal reaches the threshold."""
+        """Return whether a signal reaches the CCA threshold."""
         for frame in self._on_air:
             if frame.begin_ns <= now_ns:
                 link = frame.sender.fixed_links.get(radio)
@@ -111,8 +111,8 @@ class LinkMedium(Medium):
         """
         Return the data frame or beacon that a radio is receiving.
 
-        Acknowledgements are not among them: as they begin, TinyOS still reads the frame that is
-        acknowledged, and the bus to the chip is taken until they have ended
+        Acknowledgements are excluded: when they begin, TinyOS still reads the acknowledged frame,
+        and the bus to the chip is busy until they have ended
         (``SpiResource`` in ``CC2420TransmitP``).
         """
         for frame in self._on_air:
@@ -123,7 +123,7 @@ class LinkMedium(Medium):
         return None
 
     def hear(self, frame: Transmission, radio: Radio) -> int:
-        """Return what becomes of a frame that has just ended at a radio."""
+        """Return the outcome of a frame that has just ended at a radio."""
         link = frame.sender.fixed_links.get(radio)
         if link is None:
             return NO_LINK
@@ -156,7 +156,7 @@ class LinkMedium(Medium):
         return known
 
     def _find_start(self, frame: Transmission, radio: Radio, link: Link) -> int:
-        """Return the same, found out from what was on the air when the frame began."""
+        """Compute this from the frames that were on the air when the frame began."""
         if not radio.is_on:
             return OFF
         for other in frame.overlaps or ():

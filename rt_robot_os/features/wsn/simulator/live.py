@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-A simulated network beside a robot, in the time of the robot: its motes are those of a world.
+A simulated network around a robot, in the robot's time: its motes are the nodes of a world.
 
-Whoever owns it says what time it is, now and then; between two such times it runs by itself. The
-sink is where the robot is, nodes are where the world has them, walls and people weaken what goes
-through.
+Its owner calls :meth:`LiveNetwork.advance` with the current time; the network then runs up to it.
+The sink has the robot's position, the nodes have those of the world. Walls and people attenuate
+signals.
 """
 
 from __future__ import annotations
@@ -59,31 +59,31 @@ from rt_robot_os.features.wsn.simulator.scenario import Scenario
 Position = tuple[float, float, float]
 
 _NS_PER_S: Final = 1_000_000_000
-# How often it looks what has become of the nodes, and who stands in the way.
+# Period of checks of the nodes, and of the people between them.
 _LOOK_NS: Final = _NS_PER_S // 10
 _SHADOWS_NS: Final = _NS_PER_S
-# A way this short changes no link.
+# Movements below this distance change no link.
 _STEP_M: Final = 0.1
-# After a longer halt of the whole process it goes on at the present time.
+# After a longer suspension of the process the network continues at the current time.
 _CATCH_UP_NS: Final = 5 * _NS_PER_S
 _BOOT_SPREAD_NS: Final = _NS_PER_S
 _PERSON_RADIUS_M: Final = 0.25
 _PAIRS_KEPT: Final = 20_000
-# The batteries are not all new.
+# Charge that batteries have used at the start.
 _USED_SHARE: Final = 0.3
 _NOISE_LENGTH: Final = 1 << 14
-# How well a radio measures the strength of another.
+# Error of a radio's measurement of signal strength.
 _STRENGTH_DB: Final = 2.0
 
 
 class Obstacles:
     """
-    What stands between two places.
+    Attenuation by walls and people between two positions.
 
-    :param walls: counts the walls between two places, x and y of each in m; None: there are none.
-    :param wall_db: what each takes away.
-    :param people: tells where people stand, in m.
-    :param person_db: what each takes away who stands between.
+    :param walls: counts the walls between two positions (x, y, x, y in m); None: no walls.
+    :param wall_db: loss in each wall.
+    :param people: returns the positions of people in m.
+    :param person_db: loss by each person in between.
     """
 
     def __init__(self, walls: Callable[[float, float, float, float], int] | None, wall_db: float,
@@ -96,7 +96,7 @@ class Obstacles:
         self._known: dict[tuple[float, float, float, float], float] = {}
 
     def update(self) -> bool:
-        """Look where people stand; return whether one has moved enough to change a link."""
+        """Update people's positions; return whether one has moved enough to change a link."""
         now = self._people()
         moved = any(math.dist(a, b) > _STEP_M for a, b in zip(now, self._standing))
         if moved:
@@ -104,7 +104,7 @@ class Obstacles:
         return moved
 
     def loss_db(self, ax: float, ay: float, bx: float, by: float) -> float:
-        """Return what walls and people between two places take away."""
+        """Return the loss by walls and people between two positions."""
         loss = self._walls_db(ax, ay, bx, by)
         for x, y in self._standing:
             if _stands_between(x, y, ax, ay, bx, by):
@@ -124,7 +124,7 @@ class Obstacles:
 
 
 def _stands_between(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Return whether a person is in the way; who wears one of the ends is not."""
+    """Return whether a person is in between; the wearer of an end is not."""
     along_x, along_y = bx - ax, by - ay
     length = along_x * along_x + along_y * along_y
     if length == 0.0:
@@ -139,7 +139,7 @@ def _stands_between(x: float, y: float, ax: float, ay: float, bx: float, by: flo
 
 def _air_and_network(scenario: Scenario, protocol: RouterFactory, obstacles: Obstacles,
                      random: Random, times: float) -> tuple[PathLossMedium, Network]:
-    """Make the air of a place, and a network in it without nodes."""
+    """Create the medium, and a network without nodes."""
     radio, energy = scenario.radio, scenario.energy
     mac = MAC_PROFILES[radio.mac or 'tinyos1']
     noise = (heavy if radio.noise == 'heavy' else quiet)(random, _NOISE_LENGTH)
@@ -158,9 +158,9 @@ def _air_and_network(scenario: Scenario, protocol: RouterFactory, obstacles: Obs
 
 class LiveNetwork:
     """
-    A network in the time of whoever owns it; one thread at a time may use it.
+    A network in the time of its owner; only one thread at a time may use it.
 
-    :ivar network: that runs.
+    :ivar network: the simulated network.
     :ivar station: the serial side of the sink.
     :ivar root: the mote of the sink.
     """
@@ -171,18 +171,18 @@ class LiveNetwork:
                  baud: int = 0, group: int = -1, root: int = 0, times: float = 1.0,
                  payload: Payload | None = None) -> None:
         """
-        Make it; nothing runs before the first :meth:`advance`.
+        Create the network; nothing runs before the first :meth:`advance`.
 
-        :param nodes: all but the sink; they may change at any time.
-        :param scenario: settled: radio, traffic, seed; its topology is not used.
-        :param protocol: makes the routing protocol of a node, that of the scenario.
-        :param station: what runs on the sink's mote.
-        :param sink_position: tells where the sink is.
-        :param to_host: takes bytes for the serial line and when they leave, in the time of
-            :meth:`advance`.
+        :param nodes: all except the sink; they may change at any time.
+        :param scenario: with all defaults set: radio, traffic, seed; its topology is not used.
+        :param protocol: factory of the routing protocol of the scenario.
+        :param station: the program on the sink's mote.
+        :param sink_position: returns the position of the sink.
+        :param to_host: called with bytes for the serial line, and the start of their transmission
+            in the time of :meth:`advance`.
         :param root: the sink's address.
-        :param times: batteries empty so many times faster.
-        :param payload: that the nodes send; None: that of the scenario.
+        :param times: factor by which batteries discharge faster.
+        :param payload: of the nodes' packets; None: that of the scenario.
         """
         self._nodes = tuple(nodes)
         self._obstacles = obstacles
@@ -229,7 +229,7 @@ class LiveNetwork:
         self._alarms[surveyed.id] = {}
 
     def _strongest(self, mote: Mote, random: Random) -> Callable[[], int]:
-        """Return what tells the node, of those that hang somewhere, that a mote hears best."""
+        """Return a callable that returns the fixed node with the strongest signal at a mote."""
         def strongest() -> int:
             heard = []
             near = {other.address for other in self._medium.links_of(mote.radio)}
@@ -250,7 +250,7 @@ class LiveNetwork:
 
     def advance(self, now_ns: int) -> None:
         """
-        Go on to a time.
+        Run up to a time.
 
         :param now_ns: absolute, such as CLOCK_MONOTONIC; the first one is the start.
         """
@@ -263,7 +263,7 @@ class LiveNetwork:
         self.network.latencies_ns.clear()
 
     def _update_environment(self) -> None:
-        """Follow what has become of the nodes and of the sink."""
+        """Apply changes of the nodes and of the sink."""
         network = self.network
         for node in self._nodes:
             number = node.surveyed.id
@@ -294,12 +294,12 @@ class LiveNetwork:
     # ---- the serial line ---------------------------------------------------------------------
 
     def from_host(self, data: bytes) -> None:
-        """Take bytes that the host has sent, at the time of the last :meth:`advance`."""
+        """Receive bytes from the host, at the time of the last :meth:`advance`."""
         if self.root.is_on:
             self.station.take(data, self.network.queue.now_ns)
 
     def power(self, on: bool) -> None:
-        """Give the sink power, or take it; what waited in it is lost."""
+        """Switch the sink on or off; its queued packets are lost."""
         if on == self.root.is_on:
             return
         self.station.reset()
@@ -328,7 +328,7 @@ class LiveNetwork:
                                self.network.queue.now_ns)
 
     def _send(self, packet: Outgoing) -> bool:
-        """Send a packet of the host: commands by a flood, others as they are."""
+        """Send a packet of the host: commands by flooding, others unmodified."""
         if packet.am_type == SurgeCmd.AM_TYPE:
             self._flood.begin(packet.destination, packet.payload)
             return True

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-What runs on a live mote beside the routing: it measures, sends, and obeys commands of the host.
+The application of a live mote: it measures, sends, and executes commands of the host.
 
-Commands are Surge's. How they reach nodes that do not hear the sink is left open by Surge's
-version for telos; here the sink floods them: each node sends each command on, twice, for nobody
-acknowledges it.
+Commands are Surge's. Surge's version for telos does not define how they reach nodes out of the
+sink's range. Here the sink floods them: each node forwards each command twice, because broadcasts
+are not acknowledged.
 """
 
 from __future__ import annotations
@@ -56,14 +56,14 @@ _NS_PER_MS: Final = 1_000_000
 _U16: Final = 0xFFFF
 _NO_PARENT: Final = 0xFFFF
 _FULL_V: Final = 3.0
-# A node that is looked at closely sends so much oftener, the others so much more seldom.
+# Factor by which a node in focus sends more often, and the others less often.
 _FOCUS: Final = 4
 _COMMANDS_KEPT: Final = 8
 _REPEATS: Final = 3
 _RELAYS: Final = 2
 _REPEAT_NS: Final = 200 * _NS_PER_MS
 _SPREAD_NS: Final = 80 * _NS_PER_MS
-# After a packet that found no room an alarm is tried again so soon.
+# Delay before an alarm is sent again after a full queue.
 _AGAIN_NS: Final = 50 * _NS_PER_MS
 _FASTEST_NS: Final = 10 * _NS_PER_MS
 
@@ -77,10 +77,10 @@ class _FloodedFields(NamedTuple):
 
 class Flooded(Message, _FloodedFields):
     """
-    A command on its way through the network.
+    A command that is flooded through the network.
 
-    :ivar number: of the command, by which a node knows that it has had it.
-    :ivar target: the node that it is for; 0xFFFF all.
+    :ivar number: of the command; a node uses it to detect duplicates.
+    :ivar target: its destination; 0xFFFF: all nodes.
     :ivar command: a :class:`.SurgeType`.
     :ivar value: of the command.
     """
@@ -92,10 +92,10 @@ class Flooded(Message, _FloodedFields):
 
 class CommandRouter(Router):
     """
-    A routing protocol that leaves commands to somebody else; all else is the protocol's.
+    Wraps a routing protocol, and passes commands to a callable instead.
 
     :param router: the protocol.
-    :ivar command: takes frames with commands.
+    :ivar command: called with frames that contain commands.
     """
 
     def __init__(self, router: Router) -> None:
@@ -109,22 +109,22 @@ class CommandRouter(Router):
 
     @property
     def parent(self) -> int | None:  # type: ignore[override]
-        """Return the next node on the way to the sink."""
+        """Return the next hop towards the sink."""
         return self._router.parent
 
     @property
     def cost(self) -> int:  # type: ignore[override]
-        """Return the cost of the whole way."""
+        """Return the cost of the whole path."""
         return self._router.cost
 
     @property
     def hops(self) -> int:  # type: ignore[override]
-        """Return how many hops it is to the sink."""
+        """Return the number of hops to the sink."""
         return self._router.hops
 
     @property
     def counters(self) -> dict[str, int]:  # type: ignore[override]
-        """Return what the protocol counts."""
+        """Return the counters of the protocol."""
         return self._router.counters
 
     def start(self) -> None:
@@ -136,7 +136,7 @@ class CommandRouter(Router):
         self._router.stop()
 
     def receive(self, frame: Received) -> None:
-        """Take a frame for this node or for all."""
+        """Receive a frame for this node, or a broadcast."""
         if frame.am_type in (Flooded.AM_TYPE, SurgeCmd.AM_TYPE):
             self.command(frame)
         else:
@@ -148,25 +148,25 @@ class CommandRouter(Router):
 
 
 class SnoopingCommandRouter(CommandRouter):
-    """The same of a protocol that wants to hear what is for others."""
+    """The same for a protocol that snoops frames for other nodes."""
 
     def snoop(self, frame: Received) -> None:
-        """Take a frame for another node."""
+        """Receive a frame for another node."""
         self._router.snoop(frame)
 
 
 def command_router(router: Router) -> CommandRouter:
-    """Return a protocol that leaves commands alone."""
+    """Wrap a protocol so that it does not receive commands."""
     return (CommandRouter if type(router).snoop is Router.snoop else SnoopingCommandRouter)(router)
 
 
 class Flood:
     """
-    Commands as they go through the network, on one mote.
+    Floods commands through the network; the part of one mote.
 
-    :param mote: that it is on; its router is an :class:`CommandRouter`.
-    :param big_endian: of commands that come as they are: that of TinyOS 2.x.
-    :param obey: takes commands for this mote.
+    :param mote: its mote, whose router is a :class:`CommandRouter`.
+    :param big_endian: byte order of unmodified commands: that of TinyOS 2.x.
+    :param obey: called with commands for this mote.
     """
 
     def __init__(self, mote: Mote, big_endian: bool,
@@ -184,9 +184,9 @@ class Flood:
 
     def begin(self, target: int, payload: bytes) -> bool:
         """
-        Send a command of the host to all, a few times.
+        Broadcast a command of the host a few times.
 
-        :return: False for what is no command.
+        :return: False if it is not a command.
         """
         try:
             command = self._command.unpack(payload)
@@ -199,7 +199,7 @@ class Flood:
         return True
 
     def take(self, frame: Received) -> None:
-        """Obey a command if it is for this mote, and send it on."""
+        """Execute a command if it is for this mote, and forward it."""
         if self._mote.is_root:
             return
         try:
@@ -232,7 +232,7 @@ class Flood:
 
 
 def field_value(field: PayloadField, reading: float) -> Any:
-    """Return what a field would hold of a reading: a number that fits, several for several."""
+    """Return the value of a field for a reading: limited to its range, repeated for an array."""
     count, code = int(field.code[:-1] or 1), field.code[-1]
     if field.conversion:
         raw: float = CONVERSIONS[field.conversion].raw(reading)
@@ -249,15 +249,15 @@ def field_value(field: PayloadField, reading: float) -> Any:
 
 class NodeApplication:
     """
-    Measures and sends, as often as it was told; its quantities take turns.
+    Measures and sends periodically, one quantity after the other.
 
-    A node whose button is pressed says so at once, then with every other packet; so does one in
-    smoke or in water.
+    A node whose button is pressed sends an alarm immediately, then with every second packet; so
+    does one that detects smoke or water.
 
-    :param mote: that it is on.
+    :param mote: its mote.
     :param readings: its sensors.
-    :param payload: ``data`` (of the paper), ``surge``, ``oscilloscope`` or one of somebody's own;
-        of that a node sends nothing which measures nothing that it holds.
+    :param payload: ``data`` (of the paper), ``surge``, ``oscilloscope`` or a user-defined one. A
+        node that measures none of its fields sends no packets with a user-defined one.
     :param period_ns: between two packets.
     """
 
@@ -277,7 +277,7 @@ class NodeApplication:
         self._usual_ns = self._period_ns = period_ns
         self._sleeps = False
         self._seq_no = self._turn = self._boots = 0
-        # What says something now, and what changed and was not told yet.
+        # Active alarms, and changes that were not sent yet.
         self._pressed: tuple[str, ...] = ()
         self._untold: list[str] = []
         self._urgent = mote.timer(self._send_alarm)
@@ -285,7 +285,7 @@ class NodeApplication:
         self.flood = Flood(mote, big_endian, self.obey)
 
     def alarm(self, before: Mapping[str, int], now: Mapping[str, int]) -> None:
-        """Take note that what its button or its sensors of dangers say changed; say so at once."""
+        """Send a change of its button or of its smoke and water sensors immediately."""
         self._pressed = tuple(each for each in self._alarms if each in now)
         if self._is_mute:
             return
@@ -296,7 +296,7 @@ class NodeApplication:
             self._urgent.start(1)
 
     def obey(self, command: int, value: int) -> None:
-        """Do what a command says; one that is none changes nothing."""
+        """Execute a command; an invalid one has no effect."""
         if command == SurgeType.SET_RATE and value:
             self._period_ns = max(round(value * BINARY_MS_NS), _FASTEST_NS)
         elif command == SurgeType.SLEEP:
@@ -323,9 +323,9 @@ class NodeApplication:
             self._urgent.start(_AGAIN_NS)
 
     def _build(self, mote: Mote, number: int) -> bytes:
-        """Make the packet of the quantity whose turn it is."""
+        """Create the packet of the next quantity."""
         if mote.boots != self._boots:
-            # It has begun anew, and knows nothing of what it was told.
+            # After a reboot the commands from before are lost.
             self._boots, self._seq_no, self._turn = mote.boots, 0, 0
             if self._period_ns != self._usual_ns:
                 self._period_ns = self._usual_ns
@@ -354,7 +354,7 @@ class NodeApplication:
         return DataMsg(0, raw, self._parent(), self._seq_no, kind, battery_raw(volts)).pack()
 
     def _surge(self, quantity: str, now_s: float) -> bytes:
-        """Send what a converter reads, the light if there is any: Surge does not say what."""
+        """Send the reading of a converter, light if measured: Surge does not send the kind."""
         _, raw = self._readings.raw(self._plain(), now_s, self._battery_v())
         return SurgeMsg(0, raw, self._parent(), self._seq_no).pack()
 
@@ -365,7 +365,7 @@ class NodeApplication:
         return Oscilloscope.of(0, interval, self._mote.address, self._seq_no & _U16, raws).pack()
 
     def _of_own(self, quantity: str, now_s: float) -> bytes:
-        """Send all that a payload of somebody's own holds; what the node lacks is 0."""
+        """Send all fields of a user-defined payload; those it does not measure are 0."""
         own = self._own
         assert own is not None
         values: dict[str, Any] = {
@@ -378,7 +378,7 @@ class NodeApplication:
                     field, self._readings.value(field.quantity, now_s, volts))
         try:
             return own.pack(values, self._big_endian)
-        except ValueError:  # a field of that name holds something else
+        except ValueError:  # the field with this name has another type
             return bytes(own.size)
 
     def _plain(self) -> str:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the nodes of a simulated house measure, in its unit and as their sensors give it.
+The measurements of the nodes of a simulated house, in their units and as raw sensor values.
 
-Warmth, light and who moves about are those of the place, what a body says that of who wears the
-node; of a body that nobody has it is made up, plausible and slow.
+Temperature, light and motion are those of the position; vital signs are those of the wearer. For a
+node without a wearer they are generated: plausible values that vary slowly.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from rt_robot_os.features.wsn.packets.paper import Kind
 from rt_robot_os.messages.quantities import ALARMS
 from rt_robot_os.messages.survey import SurveyedNode
 
-# Warm air takes up more water: so much of the humidity for each degree.
+# Change of the relative humidity for each degree: warm air takes up more water.
 _HUMIDITY: Final = 0.45
 _AT_DEG_C: Final = 21.0
 _HUMIDITY_PER_DEG: Final = -0.025
@@ -47,24 +47,24 @@ _EXCITED_PER_MIN: Final = 25.0
 
 
 class Environment(Protocol):
-    """What a place is like."""
+    """The physical quantities at a position."""
 
     def temperature_c(self, x: float, y: float) -> float:
-        """Return the temperature at a place."""
+        """Return the temperature at a position."""
 
     def light_lux(self, x: float, y: float) -> float:
-        """Return the light at a place."""
+        """Return the illuminance at a position."""
 
     def noticed(self, x: float, y: float) -> bool:
-        """Return whether a motion detector at a place sees somebody move."""
+        """Return whether a motion detector at a position detects a person."""
 
 
 class LiveNode(Protocol):
-    """A node as it is now; whoever owns it may change it at any time."""
+    """The current state of a node; its owner may change it at any time."""
 
     @property
     def surveyed(self) -> SurveyedNode:
-        """Return its number, its name, what it measures."""
+        """Return its number, name and quantities."""
 
     @property
     def on(self) -> bool:
@@ -72,30 +72,30 @@ class LiveNode(Protocol):
 
     @property
     def boots(self) -> int:
-        """Return how often it was switched on."""
+        """Return the number of times it was switched on."""
 
     @property
     def alarms(self) -> Mapping[str, int]:
-        """Return what its button or its sensors of dangers say, of those that say something."""
+        """Return the active alarms of its button and its smoke and water sensors."""
 
     @property
     def worn(self) -> bool:
-        """Return whether somebody wears it."""
+        """Return whether a person wears it."""
 
     def vital(self, sign: str) -> float | None:
-        """Return a sign of life of who wears it; None when nobody does, or of no such sign."""
+        """Return a vital sign of the wearer; None without a wearer or such a sign."""
 
     @property
     def position_m(self) -> tuple[float, float, float]:
-        """Return where it is."""
+        """Return its position."""
 
 
 class _Slow(NamedTuple):
     """
-    A number that wanders about its mean.
+    A value that varies about its mean.
 
     :ivar spread: its standard deviation.
-    :ivar time_s: it has forgotten after so long.
+    :ivar time_s: its correlation time.
     """
 
     mean: float
@@ -109,7 +109,7 @@ _SLOW: Final[Mapping[str, _Slow]] = {
     'respiration_per_min': _Slow(15.0, 1.5, 60.0), 'spo2_percent': _Slow(97.0, 0.7, 60.0),
     'body_temperature': _Slow(36.8, 0.15, 1800.0), 'systolic_mmhg': _Slow(126.0, 6.0, 600.0),
     'diastolic_mmhg': _Slow(78.0, 4.0, 600.0)}
-# Of a quantity of somebody's own.
+# For user-defined quantities.
 _ANY: Final = _Slow(50.0, 5.0, 60.0)
 
 
@@ -117,10 +117,10 @@ class NodeReadings:
     """
     The sensors of one node.
 
-    :param node: whose they are.
-    :param environment: what its place is like.
-    :param random: for noise.
-    :param nearest: tells the number of the node whose radio is the strongest here.
+    :param node: the node.
+    :param environment: the quantities at its position.
+    :param random: random numbers for noise.
+    :param nearest: returns the number of the node with the strongest signal.
     """
 
     def __init__(self, node: LiveNode, environment: Environment, random: Random,
@@ -129,16 +129,16 @@ class NodeReadings:
         self._nearest = nearest
         self._environment = environment
         self._random = random
-        # Quantity -> when it was looked at, and how far from its mean it was, in deviations.
+        # Quantity -> time of its last value, and deviation from the mean in standard deviations.
         self._wandering: dict[str, tuple[float, float]] = {}
         self._was_at: tuple[float, float, float] = (0.0, *node.position_m[:2])
 
     def value(self, quantity: str, now_s: float, battery_v: float) -> float:
         """
-        Measure, in the unit of the quantity.
+        Measure in the unit of the quantity.
 
         :param battery_v: of the node's battery.
-        :return: of a quantity that nobody knows here, what wanders about 50.
+        :return: for an unknown quantity a value that varies about 50.
         """
         if quantity == 'battery':
             return battery_v
@@ -152,9 +152,9 @@ class NodeReadings:
 
     def raw(self, quantity: str, now_s: float, battery_v: float) -> tuple[Kind, int]:
         """
-        Measure, as the number that the sensor gives.
+        Measure as a raw sensor value.
 
-        :return: what it is, and the number; ``Kind.NONE`` and 0 for what the paper has no kind of.
+        :return: kind and raw value; ``Kind.NONE`` and 0 if the paper has no kind for the quantity.
         """
         kind, convert = _SENSORS.get(quantity, (Kind.NONE, None))
         if convert is None:
@@ -162,7 +162,7 @@ class NodeReadings:
         return kind, convert(self.value(quantity, now_s, battery_v))
 
     def _slow(self, quantity: str, now_s: float) -> float:
-        """Return a number that wanders, by a random walk that returns to its mean."""
+        """Return a value of a random walk that returns to its mean."""
         slow = _SLOW.get(quantity, _ANY)
         before = self._wandering.get(quantity)
         if before is None:
@@ -194,7 +194,7 @@ class NodeReadings:
         return min(self._slow('spo2_percent', now_s), 100.0)
 
     def _acceleration_g(self, now_s: float) -> float:
-        """Return 1 g, and more or less of it while somebody walks about with the node."""
+        """Return 1 g, with variations while the wearer of the node walks."""
         x, y, _ = self._node.position_m
         before_s, before_x, before_y = self._was_at
         self._was_at = now_s, x, y
@@ -203,7 +203,7 @@ class NodeReadings:
         return 1.0 + self._random.gauss(0.0, 0.01 + 0.2 * min(speed, 1.5))
 
     def _nothing(self, now_s: float) -> float:
-        """Return 0: air, alert."""
+        """Return 0: breathing air, alert."""
         return 0.0
 
     def _presence(self, now_s: float) -> float:
@@ -221,14 +221,14 @@ def _tenths_raw(value: float) -> int:
     return same_raw(10.0 * value)
 
 
-# What is not there is only what wanders.
+# Quantities not listed here only vary.
 _MEASURES: Final[Mapping[str, Callable[[NodeReadings, float], float]]] = {
     'temperature': NodeReadings._temperature_c, 'humidity': NodeReadings._humidity,
     'light': NodeReadings._light_lx, 'pulse_per_min': NodeReadings._pulse_per_min,
     'spo2_percent': NodeReadings._spo2_percent, 'acceleration_g': NodeReadings._acceleration_g,
     'presence': NodeReadings._presence, 'nearest_node': NodeReadings._nearest_node,
     **dict.fromkeys(('oxygen_l_per_min', 'consciousness'), NodeReadings._nothing)}
-# Quantity -> how the paper calls it, and what the sensor gives of it.
+# Quantity -> its kind in the paper, and the conversion to the raw value.
 _SENSORS: Final[Mapping[str, tuple[Kind, Callable[[float], int]]]] = {
     'temperature': (Kind.TEMPERATURE, sht1x_temperature_raw),
     'humidity': (Kind.HUMIDITY, sht1x_humidity_raw), 'light': (Kind.LIGHT, par_illuminance_raw),

@@ -38,7 +38,7 @@ from rt_robot_os.features.wsn.simulator.transceiver import Transceiver
 #: Makes the protocol of a node: the node, and whether it is the root.
 RouterFactory = Callable[[Node, bool], Router]
 
-#: So many packets that never arrived are remembered.
+#: Number of packets on their way whose creation time is stored.
 _OUTSTANDING: Final = 200_000
 _NS_PER_S: Final = 1_000_000_000
 _DRIFT_PPM: Final = 20.0

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The air of a place: what arrives follows from where the radios are.
+A radio medium that computes signal strengths from the positions of the radios.
 
-Radios are found by cells of a grid. The links of a radio are computed when it first sends. They
-follow from places, powers, numbers and the seed alone, in a fixed order: neither the cells nor the
-time of the search change them. So the cost of a radio does not depend on the size of the network,
-and only the links of those that sent last are stored.
+A grid of cells indexes the radios. The links of a radio are computed when it first sends. They
+depend only on positions, powers, numbers and the seed, in a fixed order: neither on the cells nor
+on the time of the search. So the cost of a radio does not depend on the size of the network, and
+only the links of the most recent senders are stored.
 """
 
 from __future__ import annotations
@@ -44,38 +44,38 @@ from rt_robot_os.features.wsn.simulator.radio_positions import Numbers
 from rt_robot_os.features.wsn.simulator.radio_positions import RadioPositions
 from rt_robot_os.features.wsn.simulator.radio_positions import reach_m
 
-# A signal so far below the usual noise is nothing.
+# Signals this far below the usual noise are ignored.
 _NEGLIGIBLE_DB: Final = 3.0
 _STRONGEST_DBM: Final = 0.0
-# Against rounding.
+# Margin for rounding errors.
 _MARGIN_DB: Final = 0.001
 _NUMBERS: Final = 4096
 _MULTIPLIERS: Final = (0x1E3779B1, 0x05EBCA6B, 0x42B2AE35)
 _MASK: Final = 0x7FFFFFFF
 
-#: Bound on stored links, about 65 bytes each; those of radios that sent last are kept.
+#: Maximum number of stored links, about 65 bytes each; the least recent senders are evicted.
 MOST_LINKS: Final = 8_000_000
-# The links of a radio that has sent within this time are stored whatever their number.
+# Links of a radio that has sent within this time are never evicted.
 _RECENT_NS: Final = 1_000_000_000
 
 
 class PathLossMedium(GainMedium):
     """
-    Radios that hear each other by path loss, over noise.
+    A medium with path loss and noise.
 
-    What a pair has of its own (shadowing) depends on the two numbers and the seed alone: it
-    stays when nodes are added, removed or moved.
+    The shadowing of a pair depends only on the two numbers and the seed: it does not change when
+    nodes are added, removed or moved.
 
-    :ivar places: of the radios.
+    :ivar places: the positions of the radios.
     """
 
     def __init__(self, path_loss: PathLoss, noise: Sequence[int], mac: MacProfile,
                  most_links: int = MOST_LINKS) -> None:
         """
-        Start with nobody there.
+        Create a medium without radios.
 
-        :param noise: in dBm, a value each ms; see ``rt_robot_os.features.wsn.radio.noise``.
-        :param most_links: that are stored; others are computed again when they are needed.
+        :param noise: in dBm, one value for each ms; see ``rt_robot_os.features.wsn.radio.noise``.
+        :param most_links: maximum number of stored links; others are recomputed when needed.
         """
         super().__init__(noise, mac)
         self._path_loss = path_loss
@@ -84,7 +84,7 @@ class PathLossMedium(GainMedium):
         self.places = RadioPositions(self._range_m)
         self._most_links = most_links
         self._links = 0
-        # Radios whose links are stored, and when they last sent; the latest at the end.
+        # Radios whose links are stored, with the time they last sent; the latest is last.
         self._linked: OrderedDict[Radio, int] = OrderedDict()
         self._strongest_dbm = _STRONGEST_DBM
         self._air: dict[Cell, list[Transmission]] = {}
@@ -94,7 +94,7 @@ class PathLossMedium(GainMedium):
         self.seed(1)
 
     def seed(self, seed: int) -> None:
-        """Begin the series of random numbers; before the first radio."""
+        """Set the seed of the random numbers; call it before the first radio is added."""
         super().seed(seed)
         random = Random(f'{seed} shadowing')
         self._mixed_seed = random.getrandbits(31)
@@ -106,25 +106,25 @@ class PathLossMedium(GainMedium):
             loss.fading_db, loss.fading_s, Random(f'{seed} fading')) if loss.fading_db else None
 
     def attach(self, radio: Radio, position: Position) -> None:
-        """Let a radio hear and be heard from its place."""
+        """Add a radio at its position."""
         Medium.attach(self, radio, position)
         radio.noise_place = self.random.randrange(self._length)
         self._put(radio, position)
 
     def detach(self, radio: Radio) -> None:
-        """Take a radio away."""
+        """Remove a radio."""
         Medium.detach(self, radio)
         self._take_away(radio)
         if self._fading is not None:
             self._fading.forget(radio.number)
 
     def moved(self, radio: Radio, position: Position) -> None:
-        """Take note that a radio is somewhere else, or sends with another power."""
+        """Note a new position or transmit power of a radio."""
         self._take_away(radio)
         self._put(radio, position)
 
     def begin(self, frame: Transmission) -> None:
-        """Put a frame on the air; what is there already overlaps with it."""
+        """Start a frame; it overlaps with those already on the air."""
         radio = frame.sender
         if radio not in self._linked:
             self.links_of(radio)
@@ -135,7 +135,7 @@ class PathLossMedium(GainMedium):
         super().begin(frame)
 
     def links_of(self, radio: Radio) -> dict[Radio, float]:
-        """Return the signal of a radio at all radios in reach, in dBm."""
+        """Return the signal strength of a radio at all radios in range, in dBm."""
         if radio not in self._linked:
             others, there_dbm, _ = self._reached(radio)
             self._store_links(radio, dict(zip(others, there_dbm)))
@@ -155,7 +155,7 @@ class PathLossMedium(GainMedium):
             radio.hearers = None
 
     def _forget_links(self, before_ns: int) -> None:
-        """Drop the links of those that have not sent for the longest time."""
+        """Evict the links of the radios that have not sent for the longest time."""
         while self._links > self._most_links:
             radio, sent_ns = next(iter(self._linked.items()))
             if sent_ns >= before_ns:
@@ -172,7 +172,7 @@ class PathLossMedium(GainMedium):
         self.places.remove(radio)
 
     def _put(self, radio: Radio, position: Position) -> None:
-        """Put a radio somewhere; those whose links are stored get one with it."""
+        """Place a radio, and add its links to the stored ones."""
         radio.near = self._near(cell_of(position, 2 * self._range_m))
         self._strongest_dbm = max(self._strongest_dbm, radio.power_dbm)
         self.places.add(radio, position)
@@ -188,7 +188,7 @@ class PathLossMedium(GainMedium):
         self._store_links(radio, dict(zip(others, there_dbm)))
 
     def _reached(self, radio: Radio) -> tuple[list[Radio], list[float], list[float]]:
-        """Return the radios in reach of one, and the signals there and back, in dBm."""
+        """Return the radios in range of one, and the signals in both directions, in dBm."""
         places, audible_dbm, loss = self.places, self._audible_dbm, self._path_loss
         row = places.row(radio)
         rows, away_m = places.near(row, reach_m(
@@ -210,7 +210,7 @@ class PathLossMedium(GainMedium):
         return others, there_dbm.tolist(), back_dbm.tolist()
 
     def _behind_walls_db(self, row: int, others: Numbers) -> Numbers:
-        """Return the loss in walls; they are counted from the radio that was placed later."""
+        """Return the loss in walls, counted from the radio that was placed later."""
         places, walls = self.places, self._path_loss.walls
         assert walls is not None
         here, behind_db = places.position(row), []
@@ -221,7 +221,7 @@ class PathLossMedium(GainMedium):
         return np.array(behind_db)
 
     def _shadowing_of(self, number: int, others: Numbers) -> tuple[Numbers, Numbers]:
-        """Return what a node and others have of their own, there and back, in dB."""
+        """Return the shadowing between a node and others in both directions, in dB."""
         low, high = np.minimum(others, number), np.maximum(others, number)
         mixed = low * _MULTIPLIERS[0] & _MASK ^ high * _MULTIPLIERS[1] & _MASK ^ self._mixed_seed
         mixed = (mixed ^ mixed >> 15) * _MULTIPLIERS[2] & _MASK
@@ -231,7 +231,7 @@ class PathLossMedium(GainMedium):
                 np.where(upwards, pairs[:, 1], pairs[:, 0]))
 
     def _near(self, cell: Cell) -> tuple[list[Transmission], ...]:
-        """Return the lists of what is on the air in and around a cell, its own first."""
+        """Return the lists of frames on the air in and around a cell, its own first."""
         near = self._nears.get(cell)
         if near is None:
             column, row = cell

@@ -14,7 +14,7 @@
 
 
 """
-Writes what is on the air as a pcap file, which Wireshark and tshark read.
+Writes frames as a pcap file for Wireshark and tshark.
 
 Times are in ns. The link type is 802.15.4 with checksum (195) or without (230).
 """
@@ -35,17 +35,17 @@ LONGEST: Final = 127
 
 _HEADER: Final = Struct('<IHHiIII')
 _RECORD: Final = Struct('<IIII')
-# Of the frame check sequence.
+# Size of the frame check sequence.
 _FCS_SIZE: Final = 2
 
 
 class PcapWriter:
     """
-    A file of frames.
+    A pcap file of frames.
 
     :param file: opened for writing bytes; the caller closes it.
-    :param with_fcs: keep the frame check sequence; the link type says whether it is there.
-    :ivar frames: how many were written.
+    :param with_fcs: include the frame check sequence; the link type depends on it.
+    :ivar frames: number of frames written.
     """
 
     def __init__(self, file: BinaryIO, with_fcs: bool = True) -> None:
@@ -60,7 +60,7 @@ class PcapWriter:
         Append a frame.
 
         :param frame: without length byte, with frame check sequence.
-        :raises OSError: it cannot be written.
+        :raises OSError: the file cannot be written.
         """
         data = frame if self._with_fcs else frame[:-_FCS_SIZE]
         seconds, ns = divmod(time_ns, NS_PER_S)

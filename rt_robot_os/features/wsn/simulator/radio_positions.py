@@ -14,9 +14,9 @@
 
 
 """
-Where the radios of an area are, in arrays, found by the cells of a grid.
+The positions of radios in arrays, indexed by the cells of a grid.
 
-A search costs as much as there are radios near by, however many there are elsewhere.
+The cost of a search depends only on the number of radios nearby.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ import numpy.typing as npt
 from rt_robot_os.features.wsn.simulator.air import Position
 from rt_robot_os.features.wsn.simulator.air import Radio
 
-#: Column and row of a square of the area.
+#: Column and row of a cell of the grid.
 Cell = tuple[int, int]
 Numbers = npt.NDArray[Any]
 
-# Cells are smaller than the range, so that little is searched beyond it.
+# Cells are smaller than the range, so that few radios beyond it are searched.
 _CELLS_A_RANGE: Final = 3
 _FIRST_ROWS: Final = 64
 
 
 def cell_of(position: Position, size_m: float) -> Cell:
-    """Return the square in which a position is."""
+    """Return the cell of a position."""
     return int(position[0] // size_m), int(position[1] // size_m)
 
 
@@ -54,7 +54,7 @@ class RadioPositions:
 
     def __init__(self, range_m: float) -> None:
         """
-        Start without radios.
+        Create an index without radios.
 
         :param range_m: side of the blocks; a radio searches its own block and the eight around it.
         """
@@ -73,7 +73,7 @@ class RadioPositions:
         self._put = 0
 
     def add(self, radio: Radio, position: Position) -> None:
-        """Put a radio somewhere; a radio that is moved is removed first."""
+        """Add a radio; to move one, remove it first."""
         row = self._free.pop() if self._free else len(self._radios)
         if row == len(self._radios):
             self._radios.append(None)
@@ -92,7 +92,7 @@ class RadioPositions:
         self._arrays.pop(cell, None)
 
     def remove(self, radio: Radio) -> None:
-        """Take a radio away."""
+        """Remove a radio."""
         row = self._row_of.pop(radio)
         x, y, z = self._positions[row].tolist()
         cell = cell_of((x, y, z), self._cell_m)
@@ -108,12 +108,12 @@ class RadioPositions:
         return radio
 
     def position(self, row: int) -> Position:
-        """Return where the radio of a row is."""
+        """Return the position of the radio of a row."""
         x, y, z = self._positions[row].tolist()
         return x, y, z
 
     def power_dbm(self, row: int) -> float:
-        """Return with what power the radio of a row sends."""
+        """Return the transmit power of the radio of a row."""
         return float(self._powers[row])
 
     def row(self, radio: Radio) -> int:
@@ -124,12 +124,12 @@ class RadioPositions:
         """
         Find the radios in the block of a radio and around it that are not too far away.
 
-        They come in an order that says nothing about how they were found: first those that were
-        put there before this radio, by block and then by when; then the others, by when. What is
-        drawn at random for one after the other depends on it.
+        Their order does not depend on the search: first the radios that were added before this
+        one, by block and then in order of addition; then the others in order of addition. Random
+        numbers are drawn in this order.
 
-        :param reach_m: those that are farther away may be left out.
-        :return: their rows, and how far they are away in m.
+        :param reach_m: radios farther away may be left out.
+        :return: their rows, and their distances in m.
         """
         rows = self._candidates(self.position(row), reach_m)
         self.examined += len(rows)
@@ -147,17 +147,17 @@ class RadioPositions:
         return numbers
 
     def powers_dbm(self, rows: Numbers) -> Numbers:
-        """Return with what power the radios of rows send."""
+        """Return the transmit powers of the radios of rows."""
         powers_dbm: Numbers = self._powers[rows]
         return powers_dbm
 
     def is_later(self, rows: Numbers, row: int) -> Numbers:
-        """Return which radios were put where they are after another."""
+        """Return for each radio whether it was added after the one of a row."""
         later: Numbers = self._marks[rows, 1] > self._marks[row, 1]
         return later
 
     def order(self, rows: Numbers, row: int) -> Numbers:
-        """Return the order of :meth:`near` for rows, as places in them."""
+        """Return the order of :meth:`near` for rows, as indices of them."""
         marks = self._marks[rows]
         later = self.is_later(rows, row)
         return np.lexsort((marks[:, 1], np.where(later, 0, marks[:, 3]),
@@ -179,5 +179,5 @@ class RadioPositions:
 
 
 def reach_m(budget_db: float, exponent: float) -> float:
-    """Return over how many m a signal loses so much beyond the first one."""
+    """Return the distance in m at which a signal has this loss, beyond that of the first metre."""
     return math.inf if budget_db > 300 * exponent else float(10 ** (budget_db / (10 * exponent)))

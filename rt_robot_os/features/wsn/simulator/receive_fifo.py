@@ -15,16 +15,16 @@
 """
 The receive FIFO of a CC2420 after a frame was cut off, and how TinyOS 2 reads it.
 
-On an emulated mote that begins to send while it receives, the chip leaves the first bytes of the
-cut-off frame in the receive FIFO. It raises FIFOP when the *first* frame in the FIFO is whole,
-which the cut-off one never is, and TinyOS begins to read only at that edge. So the mote is deaf:
-it gets no frame and no acknowledgement, and acknowledges nothing, until the 128 bytes are full.
-The overflow raises FIFOP; TinyOS reads until a length cannot be, and flushes the FIFO.
+When an emulated mote starts to send while it receives, the chip leaves the first bytes of the
+cut-off frame in the receive FIFO. It raises FIFOP when the *first* frame in the FIFO is complete,
+which the cut-off one never is, and TinyOS starts to read only at that edge. So the mote is deaf:
+it receives no frame and no acknowledgement, and acknowledges nothing, until the 128 bytes are
+full. The overflow raises FIFOP; TinyOS reads up to the first invalid length, and flushes the FIFO.
 
-After the flush the emulated chip still counts down the bytes of the frame that TinyOS had begun to
-read. While this count is not at the end of a frame when TinyOS is, a frame that became whole
-during the reading is not reported: the acknowledgement that follows a frame for another node stays
-in the FIFO, and the mote is deaf again.
+After the flush the emulated chip still counts down the bytes of the frame that TinyOS had started
+to read. While this count and TinyOS do not reach the end of a frame together, a frame that was
+completed during the reading is not reported: the acknowledgement that follows a frame for another
+node stays in the FIFO, and the mote is deaf again.
 
 Sources: TinyOS 2.1.2, ``tos/chips/cc2420/receive/CC2420ReceiveP.nc`` (``InterruptFIFOP.fired``,
 ``RXFIFO.readDone``, ``waitForNextPacket``, ``flush``) and
@@ -42,14 +42,14 @@ from typing import NamedTuple
 from rt_robot_os.features.wsn.radio.cc2420 import BYTE_NS
 from rt_robot_os.features.wsn.simulator.air import Transmission
 
-#: Of the FIFO.
+#: Capacity of the FIFO.
 CAPACITY_BYTES: Final = 128
 #: Preamble and start of frame delimiter, which do not go into the FIFO.
 SYNC_NS: Final = 5 * BYTE_NS
 #: ``MAC_PACKET_SIZE`` of TinyOS: a greater length makes it flush the FIFO.
 _LONGEST_MPDU: Final = 41
-#: From FIFOP to the first byte, and for each byte: measured on firmware of a Tmote Sky, as the
-#: delay of its acknowledgements is.
+#: Time from FIFOP to the first byte, and for each byte, measured with the firmware of a Tmote Sky;
+#: so is the delay of its acknowledgements.
 _READ_BEGIN_NS: Final = 371_000
 _READ_BYTE_NS: Final = 19_600
 _CRC_OK: Final = 0x80
@@ -57,10 +57,10 @@ _CRC_OK: Final = 0x80
 
 class Arrival(NamedTuple):
     """
-    A frame as it stands in the FIFO.
+    A frame in the FIFO.
 
     :ivar frame: None for one that was cut off.
-    :ivar data: from the length byte on; the last two bytes are RSSI, and CRC and LQI.
+    :ivar data: from the length byte; the last two bytes are RSSI, and CRC with LQI.
     """
 
     frame: Transmission | None
@@ -68,12 +68,12 @@ class Arrival(NamedTuple):
 
     @property
     def lqi(self) -> int:
-        """Return the LQI of a whole frame."""
+        """Return the LQI of a complete frame."""
         return self.data[-1] & 0x7F
 
     @property
     def rssi_dbm(self) -> int:
-        """Return the RSSI of a whole frame."""
+        """Return the RSSI of a complete frame."""
         return (self.data[-2] ^ 0x80) - 0x80 - 45
 
 
@@ -88,11 +88,11 @@ def in_fifo(mpdu: bytes, lqi: int, rssi_dbm: int) -> bytes:
 
 class _Crossing(NamedTuple):
     """
-    A byte at which the chip takes a frame for read although it is not.
+    A byte at which the chip wrongly treats a frame as read.
 
     :ivar at_ns: when it is read.
     :ivar left: bytes of the frame that are still in the FIFO.
-    :ivar length: the next byte, which the chip takes for the length of the next frame.
+    :ivar length: the next byte, which the chip treats as the length of the next frame.
     """
 
     at_ns: int
@@ -101,13 +101,13 @@ class _Crossing(NamedTuple):
 
 
 class ReceiveFifo:
-    """The FIFO of one radio from the first cut-off frame until all is in step again."""
+    """The FIFO of a radio from the first cut-off frame until it is in step again."""
 
     __slots__ = ('_waiting', '_filled', '_left', '_read_until_ns', '_in_step', '_crossings',
                  '_flushed_ns')
 
     def __init__(self) -> None:
-        """Start empty and in step."""
+        """Create an empty FIFO that is in step."""
         self._waiting: list[Arrival] = []
         self._filled = 0
         self._left = 0
@@ -118,12 +118,12 @@ class ReceiveFifo:
 
     @property
     def is_in_step(self) -> bool:
-        """Return whether it does what a FIFO should, so that it need not be looked at."""
+        """Return whether it behaves as a normal FIFO, and needs no simulation."""
         return not self._filled and not self._left
 
     def cut_off(self, data: bytes, now_ns: int) -> list[Arrival]:
         """
-        Take the first bytes of a frame whose end the radio does not receive.
+        Add the first bytes of a frame whose end the radio does not receive.
 
         :return: as with ``complete``.
         """
@@ -134,10 +134,10 @@ class ReceiveFifo:
 
     def complete(self, frame: Transmission, data: bytes) -> list[Arrival]:
         """
-        Take a frame that has just ended.
+        Add a frame that has just ended.
 
         :param data: see :class:`Arrival`.
-        :return: the frames that the mote reads now: this one, none, or older ones.
+        :return: the frames that the mote now reads: this one, none, or older ones.
         """
         now_ns = frame.end_ns
         if frame.begin_ns + SYNC_NS < self._flushed_ns:
@@ -155,7 +155,7 @@ class ReceiveFifo:
         self._filled += len(arrival.data)
 
     def _is_reported(self, frame: Transmission) -> bool:
-        """Return whether FIFOP rises for a frame that became whole while another was read."""
+        """Return whether FIFOP rises for a frame completed while another one was read."""
         if self._in_step:
             return True
         return any(
@@ -163,7 +163,7 @@ class ReceiveFifo:
             for at_ns, left, length in self._crossings)
 
     def _read(self, data: bytes, begin_ns: int) -> None:
-        """Read a frame, and count as the chip does."""
+        """Read a frame, and count its bytes as the chip does."""
         size = len(data)
         self._crossings.clear()
         self._in_step = False
@@ -178,7 +178,7 @@ class ReceiveFifo:
         self._read_until_ns = begin_ns + _reading_ns(size)
 
     def _count(self, value: int) -> bool:
-        """Count a byte; return whether the chip takes it for the last of a frame."""
+        """Count a byte; return whether the chip treats it as the last one of a frame."""
         if not self._left:
             self._left = value
             return False
@@ -186,7 +186,7 @@ class ReceiveFifo:
         return not self._left
 
     def _overflow(self, data: bytes, now_ns: int) -> list[Arrival]:
-        """Read what is in the full FIFO until it is flushed."""
+        """Read the full FIFO until it is flushed."""
         content = b''.join(arrival.data for arrival in self._waiting) + data
         starts = self._starts()
         free = CAPACITY_BYTES
@@ -210,7 +210,7 @@ class ReceiveFifo:
         return arrivals
 
     def _starts(self) -> dict[int, Arrival]:
-        """Return the whole frames by where they start."""
+        """Return the complete frames by their start."""
         starts: dict[int, Arrival] = {}
         at = 0
         for arrival in self._waiting:
@@ -227,10 +227,10 @@ class ReceiveFifo:
 
 
 def _reading_ns(size: int) -> int:
-    """Return how long TinyOS reads a frame."""
+    """Return the time that TinyOS needs to read a frame."""
     return _READ_BEGIN_NS + size * _READ_BYTE_NS
 
 
 def bytes_until(frame: Transmission, now_ns: int) -> int:
-    """Return how many bytes of a frame are in the FIFO of a radio that receives it."""
+    """Return the number of bytes of a frame in the FIFO of a radio that receives it."""
     return max(0, (now_ns - frame.begin_ns - SYNC_NS) // BYTE_NS)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What a simulation found, as plain values for tables, files and programs."""
+"""The results of a simulation, as plain values for tables, files and programs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rt_robot_os.base.units import NS_PER_MS
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.features.wsn.simulator.packet_statistics import Gap
 
-#: So many packets of a node lost in a row are a break.
+#: Number of consecutive lost packets of a node that count as a gap.
 GAP_PACKETS: Final = 2
 _SECONDS_A_DAY: Final = 86_400.0
 
@@ -37,23 +37,23 @@ _SECONDS_A_DAY: Final = 86_400.0
 @dataclass(frozen=True)
 class Results:
     """
-    What one run found; what is by node has all nodes but the sink, unless it says otherwise.
+    The results of one run; values by node exclude the sink, if not stated otherwise.
 
-    :ivar ended_s: how long was simulated: less than ``seconds`` after an interruption.
-    :ivar sinks: of each network one; nodes past 65,534 are in several networks.
-    :ivar duplicates: packets that came to the sink again.
-    :ivar data_by_node: data frames that each node sent.
+    :ivar ended_s: simulated time; less than ``seconds`` after an interruption.
+    :ivar sinks: the sink of each network; more than 65,534 nodes are several networks.
+    :ivar duplicates: packets that the sink received again.
+    :ivar data_by_node: data frames sent by each node.
     :ivar latencies_ms: sorted.
     :ivar parents: None without a route.
-    :ivar beacon_costs: the last cost that each node said; of the sink, too.
-    :ivar costs_said: all costs that each node's beacons said, once it had a route.
-    :ivar parents_had: all parents that each node had.
-    :ivar used_mah: of each battery.
-    :ivar outcomes: what became of frames at those that they were for, by name.
-    :ivar counters: of the protocols, added up.
-    :ivar happenings: what happened, by name.
+    :ivar beacon_costs: the last cost advertised by each node, including the sink.
+    :ivar costs_said: all costs advertised by each node while it had a route.
+    :ivar parents_had: all parents of each node during the run.
+    :ivar used_mah: charge used of each battery.
+    :ivar outcomes: outcomes of frames at their destinations, by name.
+    :ivar counters: sums of the protocols' counters.
+    :ivar happenings: counts of events, by name.
     :ivar beacon_period_s: 0 where there is none.
-    :ivar host: what the robot's model counted, if it was there; see :class:`.host.Host`.
+    :ivar host: counts of the robot's model, if it was run; see :class:`.host.Host`.
     """
 
     scenario: str
@@ -89,47 +89,47 @@ class Results:
 
     @property
     def total_generated(self) -> int:
-        """Return how many packets were made."""
+        """Return the number of packets generated."""
         return sum(self.generated.values())
 
     @property
     def total_delivered(self) -> int:
-        """Return how many of them came."""
+        """Return the number of packets delivered."""
         return sum(self.delivered.values())
 
     @property
     def delivery(self) -> float:
-        """Return the share that came; NaN when none was made."""
+        """Return the share of packets delivered; NaN if none was generated."""
         made = self.total_generated
         return self.total_delivered / made if made else math.nan
 
     @property
     def data_transmissions(self) -> int:
-        """Return how many data frames were sent, each time that one was repeated included."""
+        """Return the number of data frames sent, including retransmissions."""
         return sum(self.data_by_node.values())
 
     @property
     def transmissions(self) -> int:
-        """Return how many frames were sent, acknowledgements not among them."""
+        """Return the number of frames sent, without acknowledgements."""
         return self.data_transmissions + self.beacons
 
     def per_delivery(self, transmissions: int) -> float:
-        """Return how many frames that is for each packet that came; NaN when none did."""
+        """Return this number divided by the packets delivered; NaN if there were none."""
         return transmissions / self.total_delivered if self.total_delivered else math.nan
 
     @property
     def load_ratio(self) -> float:
-        """Return how many times as much as the mean the node sends that sends most."""
+        """Return the ratio of the largest relay load to the mean."""
         return _over_mean(self.data_by_node.values())
 
     @property
     def energy_ratio(self) -> float:
-        """Return how many times as much as the mean the node draws that draws most."""
+        """Return the ratio of the largest energy consumption to the mean."""
         return _over_mean(self.used_mah.values())
 
     @property
     def first_empty_days(self) -> float:
-        """Return when the first battery is empty if all goes on like this; inf without use."""
+        """Return when the first battery is empty at this consumption; inf without any."""
         most = max(self.used_mah.values(), default=0.0)
         if most <= 0.0 or self.ended_s <= 0.0:
             return math.inf
@@ -144,11 +144,11 @@ class Results:
 
     @property
     def gap_s(self) -> list[float]:
-        """Return how long each break was, sorted."""
+        """Return the durations of the gaps, sorted."""
         return sorted((gap.end_ns - gap.begin_ns) / NS_PER_S for gap in self.gaps)
 
     def as_json(self) -> dict[str, Any]:
-        """Return plain values; what is not known is None."""
+        """Return plain values; unknown ones are None."""
         made = self.generated
         found: dict[str, Any] = _plain({
             'scenario': self.scenario, 'protocol': self.protocol, 'seed': self.seed,
@@ -202,7 +202,7 @@ def _over_mean(values: Any) -> float:
 
 
 def _plain(value: Any) -> Any:
-    """Make keys texts, and numbers that JSON has not None; few digits are enough."""
+    """Convert keys to strings, NaN and infinity to None, and round numbers."""
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}
     if isinstance(value, float):

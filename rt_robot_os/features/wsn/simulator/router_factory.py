@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Makes the routing protocol that a scenario asks for."""
+"""Creates the routing protocol of a scenario."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _SHORTEST_ROUND_NS: Final = 1_000_000_000
 def router_factory(scenario: Scenario, speed: Callable[[], float] | None = None
                    ) -> RouterFactory:
     """
-    Return what makes the protocol of a node.
+    Return the factory of the protocol of a node.
 
-    :param scenario: settled.
-    :param speed: tells how fast the sink drives now, in m/s.
+    :param scenario: with all defaults set.
+    :param speed: returns the current speed of the sink in m/s.
     """
     period_ns = scenario.beacon_period_ns
     wrap = bool(scenario.u16_wrap)

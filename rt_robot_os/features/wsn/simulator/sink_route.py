@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The way on which a sink drives, round and round."""
+"""The route of a sink that drives in a loop."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _MOST_POINTS: Final = 10_000
 
 
 class Waypoint(NamedTuple):
-    """Where it drives to, and how long it waits there."""
+    """A point of the route, and the waiting time there."""
 
     x: float
     y: float
@@ -39,9 +39,9 @@ class Waypoint(NamedTuple):
 
 def read_point(text: str) -> Waypoint:
     """
-    Read such as ``3.0 1.5`` or ``3.0 1.5 stay 20``.
+    Parse a way point such as ``3.0 1.5`` or ``3.0 1.5 stay 20``.
 
-    :raises ValueError: it is neither; with what would be right.
+    :raises ValueError: it is invalid; with the remedy.
     """
     words = text.replace(',', ' ').split()
     if len(words) == 4 and words[2] == 'stay':
@@ -53,7 +53,7 @@ def read_point(text: str) -> Waypoint:
     except ValueError:
         raise ValueError('must be x y, or x y stay SECONDS') from None
     if not all(abs(number) < 1e6 for number in numbers) or min([*numbers[2:], 0.0]) < 0.0:
-        raise ValueError('must be numbers below a million, and no time below 0')
+        raise ValueError('must be numbers below 1,000,000, and the time must not be negative')
     return Waypoint(*numbers)
 
 
@@ -61,15 +61,15 @@ class SinkRoute:
     """
     A closed polygon, driven at one speed.
 
-    :param points: at least one; after the last comes the first again.
+    :param points: at least one; after the last one it continues with the first.
     """
 
     def __init__(self, points: Sequence[Waypoint], speed_m_s: float, start_s: float = 0.0) -> None:
         self._points = tuple(points)
         self._speed_m_s = speed_m_s
         self._start_s = start_s
-        self._leave_s: list[float] = []   # when it drives on from each point
-        self._reach_s: list[float] = []   # when it is at each point, from 0 of the round
+        self._leave_s: list[float] = []   # departure time from each point
+        self._reach_s: list[float] = []   # arrival time at each point, from the start of a loop
         at_s = 0.0
         for index, point in enumerate(self._points):
             self._reach_s.append(at_s)
@@ -100,7 +100,7 @@ class SinkRoute:
 
 def sink_route(sink: SinkSettings) -> SinkRoute:
     """
-    Make the way of a sink.
+    Create the route of a sink.
 
     :raises ConfigError: a way point cannot be read.
     """

@@ -258,8 +258,8 @@ def _with_sink(places: Sequence[NodePlacement], scenario: Scenario, walls: GridM
     if not spot and topology.random and not _pan_nodes(len(places)):
         spot = _middle(scenario, walls)
     if not spot and sink.id not in found:
-        raise ConfigError([f'sink.place is missing: no surveyed node has the id {sink.id}; write '
-                           'where the sink is as [x, y]'])
+        raise ConfigError([f'sink.place is missing: no surveyed node has the id {sink.id}; set '
+                           'the position of the sink as [x, y]'])
     if spot:
         height = spot[2] if len(spot) > 2 else (
             found[sink.id].z if sink.id in found else topology.height_m)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What the application of a node sends, byte for byte: readings of Surge, of the paper, of T2."""
+"""The packets of a node's application, byte for byte: of Surge, of the paper, of TinyOS 2."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _DAY_PACKETS: Final = 3000.0
 
 
 class Source(Protocol):
-    """What an application knows of its mote."""
+    """The interface of a mote to its application."""
 
     address: int
     router: Router
@@ -47,10 +47,10 @@ class Source(Protocol):
     boots: int
 
 
-#: Makes the bytes of a packet from the mote and the packet's number.
+#: Creates the bytes of a packet from the mote and the packet's number.
 Build = Callable[[Source, int], bytes]
 
-#: What a packet of the paper says of a quantity, and the raw number about which it changes.
+#: The kind of a quantity in a packet of the paper, and the mean of its raw value.
 KINDS: Final[Mapping[str, tuple[Kind, int, int]]] = MappingProxyType({
     'temperature': (Kind.TEMPERATURE, 6100, 120), 'humidity': (Kind.HUMIDITY, 1250, 80),
     'light': (Kind.LIGHT, 300, 150), 'battery': (Kind.BATTERY, 0, 0),
@@ -64,7 +64,7 @@ KINDS: Final[Mapping[str, tuple[Kind, int, int]]] = MappingProxyType({
 
 
 class _Count:
-    """Counts the packets of a mote since it booted; the network's count goes on."""
+    """Counts the packets of a mote since its boot; the network's count continues."""
 
     __slots__ = ('_boots', '_first')
 
@@ -79,7 +79,7 @@ class _Count:
 
 
 def _swing(address: int, number: int, least: int, most: int) -> int:
-    """Return a number that goes up and down slowly, each node's at another time."""
+    """Return a value that varies slowly and periodically, with another phase for each node."""
     part = math.sin(math.tau * (number / _DAY_PACKETS + address * 0.381966))
     return round(least + (most - least) * (0.5 + 0.5 * part))
 
@@ -94,7 +94,7 @@ def _parent(mote: Source) -> int:
 
 
 def surge() -> Build:
-    """Make the application of SurgeTelos: a reading of the converter each time."""
+    """Create the application of SurgeTelos: one reading of the ADC a packet."""
     count = _Count()
 
     def build(mote: Source, number: int) -> bytes:
@@ -106,9 +106,9 @@ def surge() -> Build:
 
 def data(quantities: tuple[str, ...]) -> Build:
     """
-    Make the application of the paper: one packet has one quantity, and they take turns.
+    Create the application of the paper: one quantity a packet, one after the other.
 
-    :param quantities: that the node measures; those that have no kind are left out.
+    :param quantities: of the node; those without a kind in the paper are left out.
     """
     count = _Count()
     kinds = [KINDS[name] for name in quantities if name in KINDS] or [KINDS['temperature']]
@@ -126,9 +126,9 @@ def data(quantities: tuple[str, ...]) -> Build:
 
 def oscilloscope(period_ns: int) -> Build:
     """
-    Make the application MultihopOscilloscope: five readings a packet.
+    Create the application MultihopOscilloscope: five readings a packet.
 
-    :param period_ns: between packets; the interval between readings is a fifth.
+    :param period_ns: between packets; the interval between readings is a fifth of it.
     """
     count = _Count()
     interval = max(1, min(0xFFFF, round(period_ns * 1024 / 5e9)))
@@ -144,7 +144,7 @@ def oscilloscope(period_ns: int) -> Build:
 
 def application(payload: str, quantities: tuple[str, ...], period_ns: int) -> Build:
     """
-    Make the application of one node.
+    Create the application of one node.
 
     :param payload: one of ``scenario.PAYLOADS``.
     """
