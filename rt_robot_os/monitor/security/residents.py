@@ -75,7 +75,7 @@ class Residents:
         """
         Return the household of each robot that is known, by the robot's id.
 
-        :raises StoreError: the database is away.
+        :raises StoreError: the database is unavailable.
         """
         with reading(self._engine) as connection:
             return _households(connection)
@@ -132,7 +132,7 @@ class Residents:
         """
         Return the household of a robot that says hello; its first hello may decide.
 
-        :raises StoreError: the database is away.
+        :raises StoreError: the database is unavailable.
         """
         with reading(self._engine) as connection:
             how = connection.execute(select(ROBOTS.c.residents).where(

@@ -212,7 +212,7 @@ class Sessions:
 
         It counts at once, and is written later where the database cannot take it now.
 
-        :raises StoreError: the database is away.
+        :raises StoreError: the database is unavailable.
         """
         now = self._now_ns()
         with self._lock:
