@@ -44,7 +44,7 @@ _WRONG = {
                                             'alarms.id)',
     **{f'{table.name} that are invalid': f'SELECT count(*) FROM {table.name} WHERE '
                                          f'low > high OR count < 1 OR t_ns % {span_ns} <> 0'
-     for table, span_ns in LEVELS}}
+       for table, span_ns in LEVELS}}
 
 
 def check(store: Store) -> list[str]:
