@@ -180,7 +180,7 @@ class RobotConnection:
         if hello.utc_ns is not None:
             robot.offset_s = (hello.utc_ns - now_ns) / 1e9
             if abs(robot.offset_s) > CLOCK_S:
-                _LOG.warning('%s: its clock is %+.1f s off that of the server', robot.name, robot.offset_s)
+                _LOG.warning('%s: its clock is off by %+.1f s', robot.name, robot.offset_s)
 
     async def _wants_map(self, sha256: str) -> bool:
         maps = self._services.maps
