@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The gateway: what a robot sends to a monitor, and what it receives from there."""
+"""The gateway: connects a robot to a monitor."""

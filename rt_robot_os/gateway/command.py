@@ -41,25 +41,25 @@ from rt_robot_os.settings.command_line import parse_own
 from rt_robot_os.settings.ros_args import parse_ros_args
 
 _NAME = 'gateway'
-_EPILOG = """Its settings stand in a parameter file under /**/gateway; see docs/gateway.md.
+_EPILOG = """Its settings are in a parameter file under /**/gateway; see docs/gateway.md.
 Exit code: 0 ended by a signal, 1 it cannot run, 2 wrong settings."""
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog=_NAME, description='Carry what a robot has to tell to a monitor, and what people '
-        'there want of it back. What waits for the network waits on the disk.', epilog=_EPILOG,
+        prog=_NAME, description='Connect a robot to a monitor: send its records and signals, '
+        'execute commands of users. Records wait on the disk for the network.', epilog=_EPILOG,
         allow_abbrev=False,
         usage='gateway [options] [FILE ...] [--ros-args -p NAME:=VALUE ...]')
     add_robot_option(parser)
     parser.set_defaults(robot=None)  # that of its own namespace
-    parser.add_argument('--server', help='where the monitor is, such as wss://host:8443')
+    parser.add_argument('--server', help='URL of the monitor, such as wss://host:8443')
     return parser
 
 
 def run(argv: Sequence[str]) -> int:
     """
-    Carry until a signal ends it.
+    Run until a signal ends it.
 
     :param argv: without the program's name.
     :return: the exit code.

@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-Commands of people at the server, done once each, with an answer: what the robot says to it.
+Commands of users of the server, each executed once and answered with the robot's reply.
 
 ``stop`` and ``release`` of the e-stop, ``goal`` and ``cancel``, ``alarm`` (in the words of
-docs/alarms.md), ``agent``, ``answer``, ``say`` and ``snapshot``. Who asked is known at the server.
+docs/alarms.md), ``agent``, ``answer``, ``say`` and ``snapshot``. The server records which user
+sent the command.
 """
 
 from __future__ import annotations
@@ -50,9 +51,9 @@ from rt_robot_os.messages.uplink.commands import CommandAnswer
 from rt_robot_os.messages.uplink.commands import RobotCommand
 from rt_robot_os.messages.uplink.messages import UplinkMessage
 
-#: Commands that are remembered, so that none is done twice.
+#: Most remembered commands, so that none is executed twice.
 REMEMBERED: Final = 512
-#: Commands that may be under way.
+#: Most commands in progress.
 RUNNING_MOST: Final = 32
 _TEXT_MOST: Final = 400
 _STATE_S: Final = 1.5
@@ -77,7 +78,7 @@ _REFUSED: Final = ('refused', 'waiting')
 
 
 class RobotText(NamedTuple):
-    """A text of the robot that a command may wait for."""
+    """A text of the robot for which a command may wait."""
 
     topic: str
     stamp_ns: int
@@ -85,22 +86,23 @@ class RobotText(NamedTuple):
 
 
 class CommandResult(NamedTuple):
-    """What became of a command."""
+    """The result of a command."""
 
     ok: bool
     text: str
 
 
-# What a text of the robot says of a command that waits; None when it is about another.
+# Returns the result that a text of the robot means for a waiting command; None when it is about
+# another one.
 _Check = Callable[[RobotText], CommandResult | None]
 
 
 class CommandPart(Part):
     """
-    Do commands.
+    Execute commands.
 
-    :ivar done: so far.
-    :ivar repeated: that came again, and were not done again.
+    :ivar done: executed commands.
+    :ivar repeated: repeated commands, which were not executed again.
     """
 
     receives = (RobotCommand,)
@@ -118,23 +120,23 @@ class CommandPart(Part):
             'say': self._say, 'snapshot': self._snapshot}
 
     def reads(self) -> Sequence[Reads]:
-        """Read what the robot says to commands."""
+        """Read the robot's replies to commands."""
         return (Reads(_ANSWER, self._take, every=True), Reads(_OBSERVED, self._take, every=True),
                 Reads(_STEERING, self._take), Reads(_PLANNER, self._take))
 
     def publishes(self) -> Sequence[str]:
-        """Publish what commands come to."""
+        """Publish the topics of commands."""
         return (_ALARM, _GOAL, _CANCEL, _STOP, _RELEASE, _AGENT, _PERSON, _SAY, _OBSERVE)
 
     def hello(self) -> Greeting:
-        """Name the commands that this robot has topics for."""
+        """Announce the commands for which this robot has topics."""
         needed = {'alarm': _ALARM, 'goal': _GOAL, 'cancel': _CANCEL, 'stop': _STOP,
                   'release': _RELEASE, 'agent': _AGENT, 'answer': _PERSON, 'say': _SAY,
                   'snapshot': _OBSERVE}
         return Greeting(tuple(do for do, topic in needed.items() if self.context.robot.has(topic)))
 
     async def run(self) -> None:
-        """Note the loop; commands are done as they come."""
+        """Store the event loop; commands are executed on arrival."""
         self._loop = asyncio.get_running_loop()
         try:
             await asyncio.Event().wait()
@@ -145,7 +147,7 @@ class CommandPart(Part):
     # ---- from the server ---------------------------------------------------------------------
 
     def receive(self, message: UplinkMessage) -> None:
-        """Receive a command; one that comes again gets its answer again."""
+        """Receive a command; a repeated one gets the same answer again."""
         if not isinstance(message, RobotCommand):
             return
         key = message.id
@@ -203,7 +205,7 @@ class CommandPart(Part):
 
     async def _await(self, publish: Callable[[], None], check: _Check, timeout_s: float
                      ) -> CommandResult | None:
-        """Publish, and wait for what answers it; None when nothing does in time."""
+        """Publish, and wait for the reply; None on a timeout."""
         future: asyncio.Future[CommandResult] = asyncio.get_running_loop().create_future()
         entry = check, future
         self._waiting.add(entry)
@@ -323,9 +325,9 @@ class CommandPart(Part):
 
     async def _check(self, topic: str) -> None:
         """
-        Make sure that a command is read. The e-stop is not checked: it waits for nothing.
+        Check that a command has a reader. The e-stop is not checked, because it must not wait.
 
-        :raises LinkError: nothing reads it.
+        :raises LinkError: it has no reader.
         """
         robot = self.context.robot
         if robot.has(topic) and not await asyncio.to_thread(robot.is_read, topic):

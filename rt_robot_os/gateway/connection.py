@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A connection to the server that is made again whenever it is lost: WebSocket, TLS, a token.
+A reconnecting connection to the server: WebSocket, TLS, a token.
 
-The next attempt begins while the last still waits: on a network that drops everything an attempt
-would otherwise sleep, for seconds, over the moment at which the network is back.
+The next attempt begins while the last one still waits: on a network that drops all packets, a
+single attempt would notice the return of the network only seconds later.
 """
 
 from __future__ import annotations
@@ -47,24 +47,24 @@ from websockets.exceptions import WebSocketException
 
 Talk = Callable[[ClientConnection], Awaitable[None]]
 
-#: From one attempt to the next, where the last one failed at once; doubled up to the longest.
+#: Pause after an attempt that failed immediately; doubled up to the longest.
 FIRST_S: Final = 0.05
 LONGEST_S: Final = 1.0
-#: From one attempt to the next, where the last one still waits, and how long each may.
+#: Pause after an attempt that still waits, and the timeout of each.
 OVERLAP_S: Final = 1.0
 ATTEMPT_S: Final = 8.0
-#: After a refusal of the server: an operator has to change something first.
+#: Pause after a refusal of the server: an operator has to change something first.
 REFUSED_S: Final = 5.0
-#: After a connection that has lasted this long the next attempt is quick again.
+#: After a connection of at least this duration the pause is short again.
 GOOD_S: Final = 5.0
 _CLOSE_S: Final = 0.5
-# A robot's proxy settings are for its users; only websockets from 15 on has proxies at all.
+# A robot's proxy settings are for its users; websockets supports proxies from version 15 on.
 _DIRECT: Final[dict[str, Any]] = (
     {'proxy': None} if 'proxy' in inspect.signature(connect.__init__).parameters else {})
 
 
 class Renewal(Exception):
-    """A talk wants a new connection: nothing is wrong."""
+    """A talk requests a new connection; this is not an error."""
 
 
 class ServerConnection:
@@ -72,12 +72,12 @@ class ServerConnection:
     Stay connected.
 
     :param path: of the server, such as ``/robot/state``.
-    :param talk: called with each connection; when it returns, raises :class:`Renewal` or the
-        connection is lost, there will be a new one.
+    :param talk: called with each connection; a new one is made when it returns, raises
+        :class:`Renewal`, or the connection is lost.
     :param tell: takes a line of text when a connection is lost or refused, once for each reason.
-    :ivar connections: how many there were.
-    :ivar attempts: how many were tried.
-    :ivar problem: why there is none; empty while there is one.
+    :ivar connections: number of connections so far.
+    :ivar attempts: number of attempts.
+    :ivar problem: why there is no connection; empty while there is one.
     """
 
     def __init__(self, settings: GatewaySettings, path: str, talk: Talk,
@@ -117,7 +117,7 @@ class ServerConnection:
             await self._pause(is_refusal(why))
 
     async def _open(self) -> ClientConnection:
-        """Try until there is a connection; attempts that wait overlap."""
+        """Try until there is a connection; waiting attempts overlap."""
         waiting: set[asyncio.Task[ClientConnection]] = set()
         try:
             while True:
@@ -150,7 +150,7 @@ class ServerConnection:
             user_agent_header=None, **secure, **_DIRECT)
 
     async def _pause(self, refused: bool) -> None:
-        """Wait before the next attempt; not all robots of a house at the same moment."""
+        """Wait before the next attempt, with jitter so that robots do not retry simultaneously."""
         wait_s = REFUSED_S if refused else self._wait_s
         self._wait_s = min(LONGEST_S, 2 * self._wait_s)
         await asyncio.sleep(wait_s * random.uniform(0.5, 1.0))
@@ -166,7 +166,7 @@ async def keep_alive(socket: ClientConnection, every_s: float, patience_s: float
     """
     Send a ping to the other end, and abort the connection when no answer comes.
 
-    Closing it would wait for an answer that does not come either.
+    Closing it would wait for an answer as well.
     """
     while True:
         answer = await socket.ping()
@@ -174,7 +174,7 @@ async def keep_alive(socket: ClientConnection, every_s: float, patience_s: float
             await asyncio.wait_for(answer, patience_s)
         except asyncio.TimeoutError:
             socket.transport.abort()
-            raise ConnectionResetError(f'the server says nothing for {patience_s:g} s') from None
+            raise ConnectionResetError(f'no answer from the server for {patience_s:g} s') from None
         await asyncio.sleep(every_s)
 
 
@@ -184,7 +184,7 @@ async def _end(socket: ClientConnection) -> None:
 
 
 def _drop(task: asyncio.Task[ClientConnection]) -> None:
-    """End a connection that came too late."""
+    """End a connection that was established too late."""
     if not task.cancelled() and task.exception() is None:
         task.result().transport.abort()
 

@@ -15,9 +15,9 @@
 """
 Messages of the robot as values of JSON: what a page shows, by the type of the topic.
 
-Numbers are finite; what is not known is null. A pose is ``{x, y, yaw}``, a path ``{points}``,
-rows of a sensor network ``{nodes}``, a scan is thinned, JSON in a text is that JSON, what is one
-number is that number, and any other message is an object of its fields.
+Numbers are finite; unknown values are null. A pose is ``{x, y, yaw}``, a path ``{points}``, rows
+of a sensor network ``{nodes}``. A scan is thinned, a string with JSON becomes that JSON, a message
+with one number becomes that number, and any other message becomes an object of its fields.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ from rt_robot_os.messages.network_rows import rows_of
 from rt_robot_os.messages.node_reading import NodeReading
 from rt_robot_os.motion.angles import yaw_of
 
-#: Rays of a scan, and points of a path, that are shown; and digits behind the point.
+#: Most rays of a scan and points of a path that are shown, and digits after the decimal point.
 RAYS_MOST: Final = 181
 POINTS_MOST: Final = 300
 _DIGITS: Final = 4
 _TEXT_MOST: Final = 64_000
-#: What a message of one number calls it.
+#: Field names of the number in messages with one number.
 _NUMBERS: Final = MappingProxyType({
     'sensor_msgs/msg/Temperature': 'temperature',
     'sensor_msgs/msg/RelativeHumidity': 'relative_humidity',
@@ -57,10 +57,10 @@ _PATHS: Final = frozenset({'plan', 'path'})
 
 def value_of(topic: str, type_name: str, cdr: bytes) -> Any:
     """
-    Make the value of a message.
+    Return the value of a message.
 
     :param cdr: with its encapsulation.
-    :raises ValueError: the bytes are no such message.
+    :raises ValueError: the bytes are not such a message.
     :raises LayoutError: the type is not installed here.
     """
     if type_name == 'std_msgs/msg/String':
@@ -81,7 +81,7 @@ def value_of(topic: str, type_name: str, cdr: bytes) -> Any:
 
 
 def text_value(text: str) -> Any:
-    """Return what a text says: that of JSON with finite numbers, or itself."""
+    """Return the JSON value in a string, with finite numbers, or else the string."""
     if text[:1] in ('{', '['):
         try:
             return json.loads(text, parse_constant=lambda name: None)
@@ -108,7 +108,7 @@ def nodes_of(label: str, numbers: tuple[float, ...]) -> list[NodeReading]:
 
 
 def thinned(items: list[Any], most: int) -> list[Any]:
-    """Leave out items evenly; the first and the last stay."""
+    """Drop items evenly; the first and the last are kept."""
     if len(items) <= most:
         return items
     step = (len(items) - 1) / (most - 1)
@@ -129,7 +129,7 @@ def _estimate(message: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _scan(message: Mapping[str, Any]) -> dict[str, Any]:
-    """Keep of neighbours the nearest: what is left out is what is behind it."""
+    """Keep the nearest of neighbouring rays, so that only points behind it are dropped."""
     ranges = message['ranges']
     low, high = message['range_min'] or 0.0, message['range_max'] or math.inf
     good = [each if each is not None and low <= each <= high else None for each in ranges]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Any ROS 2 message as plain values, from its bytes and what its class says of its fields."""
+"""Decodes any ROS 2 message to plain values, by the field types of its class."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from rt_robot_os.topics.resolve import FieldSpec
 from rt_robot_os.topics.resolve import MessageSpec
 from rt_robot_os.topics.resolve import resolve
 
-#: Elements of a sequence that are shown; a picture belongs elsewhere.
+#: Most elements of a sequence that are shown; pictures have their own path.
 ITEMS_MOST: Final = 4096
 
 
@@ -40,7 +40,7 @@ def decode_message(type_name: str, cdr: bytes) -> dict[str, Any]:
     """
     Read a message of any type.
 
-    :return: its fields; numbers that are not finite are None, long sequences are cut.
+    :return: its fields; numbers that are not finite are None, long sequences are truncated.
     :raises ValueError: the bytes are not such a message.
     :raises LayoutError: the type is not installed here.
     """

@@ -13,9 +13,11 @@
 # limitations under the License.
 
 """
-Which records go next: the most important, the oldest of them, as many as the network takes.
+Selects the next records to send: the most important first, the oldest of them, adapted to the
+network.
 
-No threads and no network in here: texts out, answers in, and the time as an argument.
+This module has no threads and no network: it returns texts, receives answers, and gets the time as
+an argument.
 """
 
 from __future__ import annotations
@@ -33,36 +35,36 @@ from rt_robot_os.messages.uplink.importance import Importance
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
 from rt_robot_os.messages.uplink.records import RecordBatch
 
-#: Batches on their way at a time, and one more of what cannot wait.
+#: Most batches in flight, and one more for urgent records.
 WINDOW: Final = 2
 URGENT: Final = (Importance.ALARM, Importance.EVENT)
-#: Rows of a batch; more while the server is quick, fewer while it is slow.
+#: Rows of a batch; more while the server is fast, fewer while it is slow.
 ROWS_FIRST: Final = 64
 ROWS_LEAST: Final = 16
 ROWS_MOST: Final = 8000
 BATCH_BYTES: Final = MESSAGE_BYTES * 3 // 4
 QUICK_S: Final = 0.15
 SLOW_S: Final = 0.4
-#: Fewer rows that take more than this part of the time gain nothing: it is not they that cost it.
+#: If fewer rows take more than this part of the time, the number of rows is not the cause.
 GAIN: Final = 0.7
 HOLD: Final = 16
-#: A batch without an answer is sent again, each time after twice as long.
+#: Timeout after which a batch is sent again; it doubles each time.
 ANSWER_S: Final = 10.0
 ANSWER_MOST_S: Final = 120.0
-#: After a refusal.
+#: Pause after a refusal.
 RETRY_S: Final = 0.5
 RETRY_MOST_S: Final = 30.0
 #: Refusals of a record, while others are stored, after which it is quarantined.
 STRIKES: Final = 3
 DOUBTFUL_MOST: Final = 64
 _FACTOR: Final = 2
-#: A batch is one record only when records are looked at one by one.
+#: A batch has one record only while records are tested one by one.
 _ONE: Final = 1
 
 
 @dataclass
 class SentBatch:
-    """Records on their way."""
+    """Records in flight."""
 
     number: int
     importance: Importance
@@ -73,24 +75,24 @@ class SentBatch:
 
 @dataclass
 class Doubt:
-    """A record that was refused by itself."""
+    """A record that was refused in a batch of its own."""
 
     row: OutboxRow
     why: str
     strikes: int = 0
-    #: Others were taken since it was refused last.
+    #: Other records were accepted since its last refusal.
     others: bool = False
 
 
 @dataclass
 class Dispatch:
     """
-    What is on its way to the server; :meth:`reset` at each connection.
+    The records in flight to the server; :meth:`reset` at each connection.
 
-    :ivar stored: records that the server has taken.
+    :ivar stored: records that the server has stored.
     :ivar again: records that were sent again because no answer came.
-    :ivar refusals: batches that the server did not take.
-    :ivar rows_now: how many rows a batch has at present.
+    :ivar refusals: batches that the server refused.
+    :ivar rows_now: present number of rows of a batch.
     """
 
     outbox: Outbox
@@ -111,14 +113,14 @@ class Dispatch:
     _hold: int = 0
 
     def reset(self) -> None:
-        """Take all that is on its way as not sent."""
+        """Treat all records in flight as not sent."""
         self._batches.clear()
         self._places.clear()
         self._not_before_s = 0.0
 
     @property
     def protected(self) -> dict[Importance, OutboxPosition]:
-        """Up to where rows are on their way, by importance."""
+        """The last rows in flight, by importance."""
         return dict(self._places)
 
     # ---- out ---------------------------------------------------------------------------------
@@ -128,7 +130,7 @@ class Dispatch:
         Make the next message.
 
         :param now_s: on CLOCK_MONOTONIC, here and below.
-        :return: how important it is, and its text; None when nothing may go now.
+        :return: its importance and its text; None when nothing may be sent now.
         """
         if now_s < self._not_before_s:
             return None
@@ -170,7 +172,7 @@ class Dispatch:
         return batch.with_records(row.text for row in rows)
 
     def _next_doubtful(self, now_s: float) -> tuple[Importance, str] | None:
-        """Try one once more that was refused, where others were taken since."""
+        """Retry a refused record if others were accepted since."""
         if self._batches:
             return None
         for doubt in self._doubts.values():
@@ -190,9 +192,9 @@ class Dispatch:
 
     def take_stored(self, number: int, now_s: float) -> None:
         """
-        Note that the server has a batch on its disk.
+        Process the acknowledgement of a batch.
 
-        :raises sqlite3.Error: it cannot be taken out of the outbox; it is sent again some time.
+        :raises sqlite3.Error: it cannot be removed from the outbox, and will be sent again.
         """
         batch = self._batches.pop(number, None)
         if batch is None:
@@ -208,7 +210,7 @@ class Dispatch:
         self.outbox.done(batch.rows)
 
     def _adapt(self, batch: SentBatch, elapsed_s: float) -> None:
-        """Choose how many rows go at a time: many while that is quick, few on a poor network."""
+        """Adapt the number of rows of a batch: many on a fast network, few on a slow one."""
         if batch.number <= self._changed and self.rows_now > _ONE:
             return  # of the size before
         rows = self.rows_now
@@ -219,7 +221,7 @@ class Dispatch:
         elif self._hold:
             self._hold -= 1
         elif self._slow_s and elapsed_s > GAIN * self._slow_s:
-            # A slow disk or a busy machine there, which costs the same for few.
+            # The server is slow, which costs the same for few rows.
             rows, self._slow_s, self._hold = _FACTOR * rows, 0.0, HOLD
         else:
             rows, self._slow_s = max(ROWS_LEAST, rows // _FACTOR), elapsed_s
@@ -229,10 +231,10 @@ class Dispatch:
     def take_refused(self, number: int, why: str, retry_s: float, now_s: float
                      ) -> OutboxRow | None:
         """
-        Note that the server refused a batch: half of it comes next, at last one by one.
+        Process the refusal of a batch: it is halved until records are sent one by one.
 
         :return: a record that was quarantined now.
-        :raises sqlite3.Error: that cannot be written down.
+        :raises sqlite3.Error: the quarantine cannot be stored.
         """
         batch = self._batches.pop(number, None)
         if batch is None:
@@ -250,7 +252,7 @@ class Dispatch:
         known = self._doubts.get(row[:3])
         if known is None:
             if len(self._doubts) >= DOUBTFUL_MOST:
-                # That many in a row: the server is at fault, not the records.
+                # After so many refusals in a row the cause is the server, not the records.
                 self._doubts.clear()
                 self._retry_s = min(RETRY_MOST_S, _FACTOR * self._retry_s)
                 self._not_before_s += self._retry_s

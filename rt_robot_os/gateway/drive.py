@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Tele-operation: from the server's connection to the topic that the multiplexer of velocities hears.
+Teleoperation: from the server's connection to the topic that the velocity multiplexer reads.
 
 :class:`TeleopPart` is the gateway's part; :class:`Teleoperation`, which knows no gateway, does the
-work, in the gateway's event loop. :mod:`rt_robot_os.gateway.teleop_controller` decides what may
-move the robot; docs/teleoperation.md says what stops it when.
+    work, in the gateway's event loop. :mod:`rt_robot_os.gateway.teleop_controller` decides what
+    may move the robot; docs/teleoperation.md lists what stops it.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ from rt_robot_os.messages.uplink.messages import UplinkMessage
 
 #: Publishes a sample immediately: topic, CDR, stamp on CLOCK_MONOTONIC (0: now); False: failed.
 Publish = Callable[[str, bytes, int], bool]
-#: Sends a message to the server before all else; lost when there is no connection.
+#: Sends a message to the server before all others; it is lost without a connection.
 Send = Callable[[UplinkMessage], object]
 #: Returns the newest value of a signal; None without.
 Last = Callable[[str], Any]
 
 _TWIST: Final = struct.Struct('<6d')
 _TRUE: Final = LITTLE_ENDIAN + b'\x01'
-#: What goes with a beat, and of which topic it is.
+#: Values that are sent with a heartbeat, and their topics.
 _SHOWN: Final = {'speed': 'odom', 'stop_reason': 'stop_reason', 'steering': 'steering'}
 _RUNS: Final = 'runs'
 _SHOWN_HZ: Final = 20.0
@@ -82,11 +82,11 @@ class Teleoperation:
 
     All methods are for the event loop.
 
-    :param publish: onto the core's bus.
-    :param send: to the server.
-    :param last: what the robot showed last.
-    :param clock: CLOCK_MONOTONIC in ns, but for tests.
-    :ivar controller: decides.
+    :param publish: publishes on the core's bus.
+    :param send: sends to the server.
+    :param last: returns the newest value of a signal.
+    :param clock: CLOCK_MONOTONIC in ns; replaced in tests.
+    :ivar controller: makes the decisions.
     """
 
     def __init__(self, limits: TeleopLimits, publish: Publish, send: Send,
@@ -108,7 +108,7 @@ class Teleoperation:
         return self.controller.driver if self._driven else ''
 
     def receive(self, message: UplinkMessage) -> None:
-        """Do what a message of the driver says."""
+        """Process a message of the driver."""
         if isinstance(message, DriveCommand):
             self._carry_out(self.controller.take(message, self._clock()))
         elif isinstance(message, DriveBegin):
@@ -128,7 +128,7 @@ class Teleoperation:
         try:
             while True:
                 now_s = time.monotonic()
-                # After a time without the processor: no beats to make up for.
+                # After a time without the CPU missed heartbeats are not made up for.
                 due_s = max(due_s + period_s, now_s)
                 await asyncio.sleep(due_s - now_s)
                 self.check_hold()
@@ -137,7 +137,7 @@ class Teleoperation:
             self.lost()
 
     def beat(self) -> None:
-        """Send a ticket, and what the robot does, while a driver has the lease."""
+        """Send a ticket and the robot's state while a driver has the lease."""
         controller = self.controller
         if not controller.lease or not self._limits.may_drive:
             return
@@ -148,11 +148,11 @@ class Teleoperation:
             **{name: self._last(name) for name in (*_SHOWN, _RUNS)}))
 
     def check_hold(self) -> None:
-        """Tell the robot to stand when the last command no longer holds."""
+        """Stop the robot when the last command is no longer active."""
         self._carry_out(self.controller.hold_ended(self._clock()))
 
     def statistics(self) -> dict[str, Any]:
-        """Return who may drive, and what became of commands."""
+        """Return the driver, and the counters of commands."""
         return {'driver': self.controller.driver, 'unpublished': self.unpublished,
                 **self.controller.counters}
 
@@ -168,7 +168,7 @@ class Teleoperation:
             self._publish(CANCEL_TOPIC, _TRUE, 0)
 
     def _set_timer(self) -> None:
-        """Be there when the hold ends."""
+        """Wake up when the hold time ends."""
         if self._end_of_hold is not None:
             self._end_of_hold.cancel()
             self._end_of_hold = None
@@ -201,11 +201,11 @@ class TeleopPart(Part):
                 for signal, topic in _SHOWN.items()]
 
     def publishes(self) -> Sequence[str]:
-        """Publish commands, and that a goal is given up."""
+        """Publish commands and the cancellation of goals."""
         return (TOPIC, CANCEL_TOPIC)
 
     def hello(self) -> Greeting:
-        """Say how fast the robot may be driven."""
+        """Announce the speed limits of remote driving."""
         if not self._limits.may_drive:
             return Greeting()
         return Greeting(('drive',), limits=DriveLimits(self._limits.linear_m_s,
@@ -224,7 +224,7 @@ class TeleopPart(Part):
         self.drive.lost()
 
     async def run(self) -> None:
-        """Give out tickets."""
+        """Issue tickets."""
         await self.drive.run()
 
     def statistics(self) -> Mapping[str, Any]:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How fast a remote driver may drive the robot, and how long a command is active."""
+"""The speed limits of remote driving, and how long a command is active."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from typing import Final
 from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.messages.uplink.speed_limit import bounded
 
-#: Where the commands go, a ``geometry_msgs/msg/Twist``.
+#: Topic of the commands, a ``geometry_msgs/msg/Twist``.
 TOPIC: Final = 'cmd_vel_teleop'
 #: Published when the dead-man switch is pressed: the goal must not go on after its release.
 CANCEL_TOPIC: Final = 'trajectory_cancel'
@@ -33,13 +33,13 @@ BEAT_HZ: Final = 20.0
 @dataclass(frozen=True)
 class TeleopLimits:
     """
-    What the robot allows, whatever is commanded.
+    The limits of the robot for all commands.
 
-    :ivar linear_m_s: fastest speed; 0: it cannot be driven.
-    :ivar angular_rad_s: fastest turn.
+    :ivar linear_m_s: highest speed; 0 disables driving.
+    :ivar angular_rad_s: highest angular velocity.
     :ivar hold_s: how long a command is active; then the robot is stopped. Shorter than the
         time-out of ``teleop`` in the multiplexer of velocities.
-    :ivar ticket_s: no command has any effect later than this after its ticket was given out.
+    :ivar ticket_s: a command has no effect later than this after its ticket was issued.
     """
 
     linear_m_s: float = 0.3
@@ -63,5 +63,5 @@ class TeleopLimits:
         return round(self.ticket_s * NS_PER_S)
 
     def bounded(self, linear_m_s: float, angular_rad_s: float) -> tuple[float, float]:
-        """Return a command within the limits; its curve stays the same."""
+        """Return a command within the limits, with the same curvature."""
         return bounded(linear_m_s, angular_rad_s, self.linear_m_s, self.angular_rad_s)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Send files in parts: offered, then sent from where the server is, until it has them whole."""
+"""Sends files in parts: each is offered, then sent from the server's offset until complete."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _WAIT_MOST_S: Final = 300.0
 
 class FileSender:
     """
-    Send what waits, one file after the other.
+    Send the waiting files one after the other.
 
     :param tell: takes lines for people.
     :ivar sent: files that the server has.
@@ -55,11 +55,11 @@ class FileSender:
         self._tries: dict[str, int] = {}
 
     def wake(self) -> None:
-        """Look for files that are new."""
+        """Check for new files."""
         self._new.set()
 
     def begin(self) -> None:
-        """Note that there is a new connection: answers of the last one count no more."""
+        """Start a new connection: answers of the last one no longer count."""
         while not self._answers.empty():
             self._answers.get_nowait()
 
@@ -121,7 +121,7 @@ class FileSender:
                 answer = await asyncio.wait_for(self._answers.get(), _ANSWER_S)
             except (asyncio.TimeoutError, TimeoutError):
                 raise ConnectionResetError(
-                    f'the server does not say what it has of a file for {_ANSWER_S:g} s'
+                    f'no answer from the server about a file for {_ANSWER_S:g} s'
                 ) from None
             if answer.id == name:
                 return answer
@@ -129,10 +129,10 @@ class FileSender:
     def _refused(self, name: str, item: Mapping[str, Any], answer: FileRefusal) -> None:
         retry_s = min(_WAIT_MOST_S, answer.retry_s)
         tries = self._tries[name] = self._tries.get(name, 0) + 1
-        # A full disk of the server is waited for as long as it takes; a hash that is wrong again
-        # and again is not.
+        # Wait without limit for a full disk of the server, but not for a hash that is wrong
+        # repeatedly.
         if retry_s <= 0 or (retry_s < 5.0 and tries >= _TRIES):
-            self._tell(f'{item["file"]} is not taken by the server: {answer.text}')
+            self._tell(f'{item["file"]} is refused by the server: {answer.text}')
             self._forget(name)
             self._spool.done(name, given_up=True)
             return

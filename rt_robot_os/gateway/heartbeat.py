@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The heart-beat on the robot's bus: the connection to the server works."""
+"""The heartbeat on the robot's bus while the connection to the server works."""
 
 from __future__ import annotations
 
@@ -46,18 +46,18 @@ class Heartbeat(Part):
         self._counters = counters
 
     def publishes(self) -> Sequence[str]:
-        """Publish it where the robot lists it."""
+        """Publish the heartbeat if the robot lists its topic."""
         return (HEARTBEAT,)
 
     def _text(self) -> str:
         counters = self._counters()
         text = json.dumps(counters, separators=(',', ':'))
-        if len(text.encode()) > _CHARACTERS:  # of the topic; half a text would be no JSON
+        if len(text.encode()) > _CHARACTERS:  # limit of the topic; truncated JSON would be invalid
             text = json.dumps({key: counters.get(key) for key in _LEAST})
         return text
 
     async def run(self) -> None:
-        """Publish now and then."""
+        """Publish periodically."""
         while True:
             if self.context.server.connected and self.context.robot.has(HEARTBEAT):
                 text = self._text()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which robot this is, and which start of its gateway: what makes the number of a record one."""
+"""The ids of this robot and of this start of its gateway, which make record numbers unique."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _FILE: Final = 'robot.id'
 
 class Identity:
     """
-    Who this is.
+    The identity of this robot.
 
-    :param folder: of the gateway's files; made, for this user alone.
-    :ivar robot: the same for ever, unless the folder is deleted.
-    :ivar boot: of this start.
+    :param folder: folder of the gateway's files; created with access for this user only.
+    :ivar robot: id of the robot; it stays the same unless the folder is deleted.
+    :ivar boot: id of this start.
     :raises StartError: the folder cannot be used.
     """
 
@@ -46,19 +46,19 @@ class Identity:
             self.robot = _read(path) or _write(path, folder)
         except OSError as error:
             raise StartError(f'{folder} cannot be used: {error.strerror}; set folder under '
-                             '/**/gateway to one that can be written') from error
+                             '/**/gateway to a writable one') from error
         self.boot = str(uuid4())
 
 
 def _read(path: Path) -> str:
-    """Return what the file holds; empty when it is not there or was cut."""
+    """Return the content of the file; empty when it is missing or truncated."""
     with suppress(FileNotFoundError, ValueError):
         return str(UUID(read_file(path).decode().strip()))
     return ''
 
 
 def _write(path: Path, folder: Path) -> str:
-    """Make an identity that is on the disk before anybody hears of it."""
+    """Create an identity; it is on the disk before it is used."""
     made = str(uuid4())
     new = path.with_suffix('.new')
     fd = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)

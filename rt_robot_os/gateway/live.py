@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The present signals: of each the newest counts, and only what has changed is sent.
+The present signals: only the newest value of each counts, and only changes are sent.
 
-The server says by ``taken`` that the last message has gone on; until then what is newer takes the
-place of what is older. So a poor network makes signals fewer, never older.
+The server acknowledges the last message with ``taken``; until then newer values replace older
+ones. So a poor network makes signals less frequent, but never outdated.
 """
 
 from __future__ import annotations
@@ -44,24 +44,24 @@ from rt_robot_os.messages.uplink.live import WantedSignals
 from rt_robot_os.messages.uplink.messages import MESSAGE_BYTES
 from rt_robot_os.messages.uplink.messages import UplinkMessage
 
-#: Messages that may be on their way at a time.
+#: Most messages in flight.
 CREDIT: Final = 2
 #: Without ``taken`` for this long one more is sent: the server may have lost one.
 PATIENCE_S: Final = 5.0
 FASTEST_HZ: Final = 30.0
 _SIGNALS_MOST: Final = 1024
 _BYTES_MOST: Final = MESSAGE_BYTES // 4
-#: Where the topic has another name than the signal.
+#: Signals whose topic has another name.
 _NAMES: Final = {'odom': 'speed'}
-#: What is large, and sent only while a page shows it.
+#: Large signals, which are sent only while a page shows them.
 _ON_DEMAND: Final = frozenset({'scan'})
 
 
 class Live(Part):
     """
-    The table of signals, thinned to what the network takes.
+    The table of signals, thinned to the capacity of the network.
 
-    :ivar sent: messages.
+    :ivar sent: sent messages.
     :ivar passed_over: samples that a newer one replaced before they were sent.
     """
 
@@ -83,13 +83,13 @@ class Live(Part):
     # ---- from the robot ----------------------------------------------------------------------
 
     def reads(self) -> Sequence[Reads]:
-        """Read what is shown; the first that fits says how often."""
+        """Read the shown topics; the first matching line determines the rate."""
         return [Reads(topic, partial(self._take, at), rate_hz=rate, shown=True)
                 for at, (topic, rate) in enumerate(self._rates) if rate]
 
     def _take(self, at: int, sample: Sample) -> None:
         if any(star_match(topic, sample.topic) is not None for topic, _ in self._rates[:at]):
-            return  # an earlier line says how often, or never
+            return  # an earlier line determines the rate
         name = _NAMES.get(sample.topic, sample.topic)
         with self._lock:
             self.passed_over += name in self._new
@@ -100,18 +100,18 @@ class Live(Part):
     # ---- to the server -----------------------------------------------------------------------
 
     def met_server(self) -> None:
-        """Begin with all that is known."""
+        """Begin with all known signals."""
         self._taken = self._n
         with self._lock:
             self._new = dict(self._known)
         self._set_rate(self.context.settings.idle_hz, None)
 
     def lost_server(self) -> None:
-        """Send nothing faster than when no page shows the robot."""
+        """Limit the rate to that of a robot that no page shows."""
         self._set_rate(self.context.settings.idle_hz, None)
 
     def receive(self, message: UplinkMessage) -> None:
-        """Receive a credit, or how often which signals are wanted."""
+        """Receive a credit, or the watched signals and their rate."""
         if isinstance(message, LiveReceived):
             if not self._taken <= message.n <= self._n:
                 raise ValueError(f'n = {message.n}, but {self._n} was the last')
@@ -125,7 +125,7 @@ class Live(Part):
         self.context.robot.limit_hz = hz  # the core need not send what no page shows
 
     def next_text(self) -> str | None:
-        """Make the next message when one is due, wanted and there is credit; for the sender."""
+        """Make the next message when one is due and there is credit; for the sender."""
         message = self.next_message()
         return None if message is None else message.to_json()
 

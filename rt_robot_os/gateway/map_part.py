@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the robot is: the map, as it stays or as it grows, and the nodes of its network."""
+"""The map of the robot, from a file or growing, and the nodes of its network."""
 
 from __future__ import annotations
 
@@ -41,19 +41,19 @@ from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.motion.grid_map import GridMap
 
 TOPIC: Final = 'map'
-#: From one map that grows to the next.
+#: Shortest time between two maps of a growing one.
 MAP_S: Final = 5.0
 _LOOK_S: Final = 0.1
 
 
 class MapPart(Part):
     """
-    Name map and nodes in the greeting; send the map when the server has not got it.
+    Announce map and nodes in the greeting; send the map when the server does not have it.
 
     The map of the file is shown until the robot has one on its topic ``map``.
 
-    :ivar maps_sent: maps that the server was sent.
-    :ivar maps_refused: messages of the topic that were no map.
+    :ivar maps_sent: maps sent to the server.
+    :ivar maps_refused: messages of the topic that were not a valid map.
     """
 
     receives = (ServerWelcome,)
@@ -95,7 +95,7 @@ class MapPart(Part):
             return ()
 
     def hello(self) -> Greeting:
-        """Say which map it is, and where the nodes are."""
+        """Announce the hash of the map and the positions of the nodes."""
         return Greeting(map=self._digest, nodes=self._nodes)
 
     @property
@@ -103,7 +103,7 @@ class MapPart(Part):
         return '' if self._map is None else self._map.sha256
 
     def reads(self) -> Sequence[Reads]:
-        """Read the map that grows."""
+        """Read the growing map."""
         return [Reads(TOPIC, self._take, rate_hz=1.0 / MAP_S)]
 
     def _take(self, sample: Sample) -> None:
@@ -111,7 +111,7 @@ class MapPart(Part):
             self._new = bytes(sample.cdr)
 
     async def run(self) -> None:
-        """Send each map that is another than the one before, when its time has come."""
+        """Send each changed map when it is due."""
         while True:
             await asyncio.sleep(_LOOK_S)
             new, self._new = self._new, None
@@ -129,7 +129,7 @@ class MapPart(Part):
             self.context.server.send_newest(self._map)
 
     async def _become(self, cdr: bytes) -> bool:
-        """Take a map of the topic; return whether it is another one."""
+        """Apply a map of the topic; return whether it has changed."""
         try:
             made = await asyncio.to_thread(message_of, cdr)
         except (ConfigError, ValueError) as error:
@@ -143,12 +143,12 @@ class MapPart(Part):
         return is_new
 
     def receive(self, message: UplinkMessage) -> None:
-        """Note whether the server wants the map."""
+        """Store whether the server requests the map."""
         if isinstance(message, ServerWelcome):
             self._wanted = message.want_map and self._map is not None
 
     def met_server(self) -> None:
-        """Send the map to who wants it."""
+        """Send the map if it is requested."""
         if self._wanted:
             self._send()
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A map that grows, from its ``nav_msgs/msg/OccupancyGrid`` to the message for the server."""
+"""Converts a growing map from ``nav_msgs/msg/OccupancyGrid`` to the message for the server."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rt_robot_os.motion.grid_map import UNKNOWN
 from rt_robot_os.motion.map_message import grid_of
 
 MAP_MESSAGE: Final = 'nav_msgs/msg/OccupancyGrid'
-#: It is sent again and again: an alarm behind it waits half a second at 1 Mbit/s.
+#: Size limit, since it is sent repeatedly: an alarm behind it waits half a second at 1 Mbit/s.
 PACKED_MOST: Final = 64 << 10
 
 _INFO: Final = struct.Struct('<fII')
@@ -39,7 +39,7 @@ def grid_in(cdr: bytes) -> Any:
     """
     Read an ``OccupancyGrid`` as :func:`~rt_robot_os.motion.map_message.grid_of` takes it.
 
-    :raises ValueError: the bytes are none.
+    :raises ValueError: the bytes are not such a message.
     """
     reader = CdrReader(cdr)
     reader.skip(4, 8)  # stamp
@@ -56,12 +56,12 @@ def grid_in(cdr: bytes) -> Any:
 
 def message_of(cdr: bytes, packed_most: int = PACKED_MOST) -> MapMessage:
     """
-    Make the message of what is known of a map: without its unknown rim, and as coarse as it takes.
+    Make the message of a map without its unknown margin, as coarse as necessary.
 
     :param cdr: a ``nav_msgs/msg/OccupancyGrid``.
-    :param packed_most: characters that its cells may take.
+    :param packed_most: most characters of its cells.
     :raises ConfigError: it is not a map, or all of its cells are unknown.
-    :raises ValueError: the bytes are none, or it does not become small enough.
+    :raises ValueError: the bytes are not such a message, or the map cannot be made small enough.
     """
     work = grid_of(grid_in(cdr))
     while True:
@@ -85,7 +85,7 @@ def message_of(cdr: bytes, packed_most: int = PACKED_MOST) -> MapMessage:
 
 
 def _cropped(cells: npt.NDArray[np.int8]) -> tuple[npt.NDArray[np.int8], int, int]:
-    """Cut off the rim of which nothing is known; return also which column and row are first."""
+    """Remove the unknown margin; return also the first column and row."""
     known = cells != UNKNOWN
     rows, columns = np.flatnonzero(known.any(1)), np.flatnonzero(known.any(0))
     return (cells[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1], int(columns[0]),
@@ -93,7 +93,7 @@ def _cropped(cells: npt.NDArray[np.int8]) -> tuple[npt.NDArray[np.int8], int, in
 
 
 def _coarser(cells: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
-    """Make one cell of four: what stands in one of them stands in it."""
+    """Merge four cells into one: it is occupied if one of them is."""
     rows, columns = cells.shape
     even = np.pad(cells, ((0, rows % 2), (0, columns % 2)), constant_values=UNKNOWN)
     found: npt.NDArray[np.int8] = even.reshape(

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Pictures and files on their way to the server, on the connection `/robot/media`.
+Sends pictures and files to the server, on the connection `/robot/media`.
 
-Live pictures are sent while a page shows the camera, one at a time: the next, the newest then,
-when the server has that one. Files of alarms go part by part behind them, and go on after a break
-where the server says that it is.
+Live pictures are sent while a page shows the camera, one at a time: the newest one follows when
+the server has acknowledged the last. Files of alarms follow in parts with lower priority, and
+resume after an interruption at the server's offset.
 """
 
 from __future__ import annotations
@@ -84,8 +84,8 @@ class Media(Part):
     """
     Pictures and files; see the module.
 
-    :ivar pictures: that were sent.
-    :ivar too_long: pictures that no frame holds.
+    :ivar pictures: sent pictures.
+    :ivar too_long: pictures that do not fit into a frame.
     """
 
     def __init__(self, context: GatewayContext) -> None:
@@ -114,7 +114,7 @@ class Media(Part):
     # ---- what the gateway calls --------------------------------------------------------------
 
     def reads(self) -> tuple[Reads, ...]:
-        """Return the topic that tells of files."""
+        """Return the topic that announces files."""
         return (Reads(OBSERVED, self._observed, every=True),)
 
     def hello(self) -> Greeting:
@@ -155,7 +155,7 @@ class Media(Part):
     # ---- files -------------------------------------------------------------------------------
 
     def _observed(self, sample: Sample) -> None:
-        """Hear of a file; the link's thread."""
+        """Receive the announcement of a file; in the link's thread."""
         told = json.loads(string_in(sample.cdr))
         if not isinstance(told, dict) or not told.get('file'):
             return
@@ -169,7 +169,7 @@ class Media(Part):
         self._call(self._new.set)
 
     def _call(self, call: Callable[[], object]) -> None:
-        """Have something called in the loop, once there is one; any thread."""
+        """Schedule a call in the loop, if there is one; from any thread."""
         loop = self._loop
         if loop is not None:
             with suppress(RuntimeError):  # it has ended
@@ -222,7 +222,7 @@ class Media(Part):
     async def _ask(self, socket: ClientConnection, clock: ServerClock) -> None:
         while True:
             await socket.send(ClockRequest(time.monotonic_ns()).to_json())
-            # Until it has answered a few times, one bad answer counts for much.
+            # With few answers a single bad one has a large influence.
             await asyncio.sleep(_CLOCK_S if clock.answers > 3 else _CLOCK_S / 25)
 
     async def _hear_all(self, socket: ClientConnection, clock: ServerClock) -> None:
@@ -250,7 +250,7 @@ class Media(Part):
         self._reader.want(self._wanted)
 
     def _troubled(self, camera: str, why: str) -> None:
-        """Note why a camera gives no picture; the thread that reads cameras."""
+        """Store why a camera has no pictures; in the thread that reads cameras."""
         self._call(partial(self._note_trouble, camera, why))
 
     def _note_trouble(self, camera: str, why: str) -> None:
@@ -258,7 +258,7 @@ class Media(Part):
         self._trouble.set()
 
     def _woken(self) -> None:
-        """Note that there is a picture; the thread that reads cameras."""
+        """Notify that there is a picture; in the thread that reads cameras."""
         self._call(self._wake.set)
 
     async def _show(self, socket: ClientConnection, clock: ServerClock) -> None:
@@ -286,5 +286,5 @@ class Media(Part):
 
 
 def camera_name(topic: str) -> str:
-    """Return what people call a camera: ``camera`` of camera/image_raw/compressed."""
+    """Return the name of a camera: ``camera`` of camera/image_raw/compressed."""
     return topic.removesuffix(_IMAGE).removesuffix('/compressed') or topic

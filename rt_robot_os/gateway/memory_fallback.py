@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rows that could not be written to the disk, in memory until they can be; sent meanwhile."""
+"""Rows in memory that could not be written to the disk yet; they are sent meanwhile."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rt_robot_os.gateway.outbox import OutboxPosition
 from rt_robot_os.gateway.outbox import OutboxRow
 from rt_robot_os.messages.uplink.importance import Importance
 
-#: Rows that are held; beyond that the oldest of the least important are evicted.
+#: Most rows; beyond that the oldest of the least important are evicted.
 ROWS_MOST: Final = 4096
 
 
@@ -63,7 +63,7 @@ class MemoryFallback:
 
     def after(self, importance: Importance, place: OutboxPosition, most: int, most_bytes: int
               ) -> list[OutboxRow]:
-        """Return the oldest rows behind a place, as :meth:`.outbox.Outbox.after` does."""
+        """Return the oldest rows after a position, like :meth:`.outbox.Outbox.after`."""
         found: list[OutboxRow] = []
         size = 0
         for key in sorted(key for key in self._rows if key[0] == importance and key[1:] > place):
@@ -76,12 +76,12 @@ class MemoryFallback:
         return found
 
     def done(self, rows: Sequence[OutboxRow]) -> None:
-        """Let go of rows."""
+        """Remove rows."""
         if self._rows:
             for row in rows:
                 self._rows.pop(row[:3], None)
 
     def clear(self) -> None:
-        """Let go of everything: the disk has it."""
+        """Remove everything: it is on the disk."""
         self._rows.clear()
         self.marks.clear()

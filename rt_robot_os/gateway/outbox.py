@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-What waits for the server, on the disk: rows in SQLite, in order of importance and age.
+The queue to the server on the disk: rows in SQLite, ordered by importance and age.
 
-A row is there before anybody is sent it, and goes when the server has it on its own disk; so it
-survives a process that is killed and a machine whose power goes. Its key, the start of the gateway
-and a number, is never used twice, and the server takes a key once. The clock of the day is not
-trusted: age is counted in seconds that a gateway has run.
+A row is stored before it is sent, and deleted when the server has it on its own disk, so it
+survives a killed process and a power failure. Its key, the start of the gateway and a number, is
+never reused, and the server stores each key once. The time of day is not trusted: age is counted
+in seconds of running gateways.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from typing import NamedTuple
 from rt_robot_os.base.errors import StartError
 from rt_robot_os.messages.uplink.importance import Importance
 
-#: What a row costs besides its text, in bytes.
+#: Overhead of a row in addition to its text, in bytes.
 ROW_BYTES: Final = 64
-#: Rows that are evicted in one go.
+#: Rows that are evicted together.
 CHUNK: Final = 256
-#: Records that the server refuses, kept for diagnosis.
+#: Most refused records that are stored for diagnosis.
 REFUSED_MOST: Final = 1000
-#: These never expire: they are evicted only for lack of room.
+#: These never expire: they are evicted only for lack of space.
 LASTING: Final = (Importance.ALARM, Importance.EVENT)
 
 _SCHEMA: Final = """
@@ -71,8 +71,8 @@ class Mark(NamedTuple):
     """
     How far a topic has been recorded.
 
-    :ivar run: of the core; see :attr:`~.robot_link.RobotLink.run_id`.
-    :ivar seq: of the last sample in the topic.
+    :ivar run: id of the core's run; see :attr:`~.robot_link.RobotLink.run_id`.
+    :ivar seq: number of the last sample in the topic.
     """
 
     topic: str
@@ -96,7 +96,7 @@ class OutboxRow(NamedTuple):
 
     @property
     def nbytes(self) -> int:
-        """How much of the limit it takes."""
+        """The bytes that count for the limit."""
         return len(self.text.encode()) + ROW_BYTES
 
 
@@ -106,17 +106,17 @@ START: Final[OutboxPosition] = (-1, -1)
 
 class Outbox:
     """
-    The file. One thread uses it.
+    The queue in a file; for one thread.
 
     :param boot: UUID of this start.
-    :param most_bytes: of all rows together.
+    :param most_bytes: limit of all rows together.
     :param most_s: after this time a record expires, unless it is lasting.
-    :ivar boot: the number of this start.
-    :ivar rows: that wait, by importance.
-    :ivar nbytes: that they take, by importance.
+    :ivar boot: number of this start in the file.
+    :ivar rows: number of waiting rows, by importance.
+    :ivar nbytes: their size, by importance.
     :ivar lost: rows that were evicted or have expired so far, by importance.
     :ivar lived_s: seconds that gateways with this file have run.
-    :ivar damaged: where a file was put that could not be read; None when there was none.
+    :ivar damaged: new path of a file that could not be read; None if there was none.
     :raises StartError: the folder cannot be used.
     """
 
@@ -133,7 +133,7 @@ class Outbox:
         except sqlite3.DatabaseError as error:
             if isinstance(error, sqlite3.OperationalError) and not _is_damage(error):
                 raise StartError(f'{path} cannot be used: {error}; set folder under /**/gateway '
-                                 'to one that can be written') from error
+                                 'to a writable one') from error
             self._put_aside()
             self._db = self._open(boot)
 
@@ -162,7 +162,7 @@ class Outbox:
         self.boots: dict[int, str] = dict(db.execute('SELECT id, uuid FROM boot'))
         self.boot = next(number for number, uuid in self.boots.items() if uuid == boot)
         facts: dict[str, int] = dict(db.execute('SELECT name, value FROM fact'))
-        for each in Importance:  # counted with each change: to look at all rows takes long
+        for each in Importance:  # counted with each change, since counting all rows is slow
             self.rows[each] = facts.get(f'{_ROWS}{each.value}', 0)
             self.nbytes[each] = facts.get(f'{_BYTES}{each.value}', 0)
         self.lived_s = facts.get('lived_s', 0)
@@ -170,7 +170,7 @@ class Outbox:
         self.refused = facts.get('refused', 0)
 
     def _put_aside(self) -> None:
-        """Keep a file that cannot be read for diagnosis, in the place of an earlier one."""
+        """Move an unreadable file aside for diagnosis, replacing an earlier one."""
         self.damaged = self.path.with_name(self.path.name + '.damaged')
         for end in ('', '-wal', '-shm'):
             with suppress(OSError):
@@ -189,9 +189,9 @@ class Outbox:
 
     def add(self, rows: Sequence[OutboxRow], marks: Iterable[Mark] = ()) -> None:
         """
-        Put rows on the disk, all or none; they are there when it returns.
+        Write rows, all or none; they are on the disk when this returns.
 
-        :raises sqlite3.Error: they are not: the disk is full, or broken.
+        :raises sqlite3.Error: none is written: the disk is full or broken.
         """
         with self._transaction('FULL'):
             self._db.executemany('INSERT OR IGNORE INTO record VALUES (?, ?, ?, ?, ?)', rows)
@@ -201,15 +201,15 @@ class Outbox:
             self._count(rows, 1)
 
     def over(self) -> bool:
-        """Return whether there is more than there may be."""
+        """Return whether the limit is exceeded."""
         return sum(self.nbytes.values()) > self._most_bytes
 
     def evict(self, protected: Mapping[Importance, OutboxPosition], least: int = 0) -> int:
         """
-        Delete some of the oldest rows of what is least important, and count them.
+        Delete and count some of the oldest rows with the least importance.
 
-        :param protected: by importance, up to where rows are on their way: those stay.
-        :param least: what is more important than this number stays.
+        :param protected: by importance, the last rows in flight: up to these none is deleted.
+        :param least: rows more important than this number are not deleted.
         :return: how many went.
         :raises sqlite3.Error: the disk is full, or broken.
         """
@@ -224,7 +224,7 @@ class Outbox:
 
     def expire(self, protected: Mapping[Importance, OutboxPosition]) -> int:
         """
-        Delete rows that have waited for too long, and count them.
+        Delete and count expired rows.
 
         :return: how many went.
         :raises sqlite3.Error: the disk is full, or broken.
@@ -250,9 +250,9 @@ class Outbox:
     def after(self, importance: Importance, place: OutboxPosition, most: int, most_bytes: int
               ) -> list[OutboxRow]:
         """
-        Read the oldest rows behind a place: of one start, at least one if there is one.
+        Read the oldest rows after a position, of one start; at least one if there is one.
 
-        :param most_bytes: that they take together.
+        :param most_bytes: limit of their size together.
         """
         found: list[OutboxRow] = []
         size = 0
@@ -265,7 +265,7 @@ class Outbox:
 
     def done(self, rows: Sequence[OutboxRow]) -> None:
         """
-        Delete rows that the server has; when that is lost they are sent once more, harmlessly.
+        Delete rows that the server has; if this is lost they are sent again, without harm.
 
         :raises sqlite3.Error: the disk is full, or broken.
         """
@@ -274,7 +274,7 @@ class Outbox:
 
     def quarantine(self, row: OutboxRow, why: str) -> None:
         """
-        Move a row that the server always refuses out of the queue, and keep it for diagnosis.
+        Move a row that the server always refuses to the quarantine, for diagnosis.
 
         :raises sqlite3.Error: the disk is full, or broken.
         """
@@ -288,7 +288,7 @@ class Outbox:
         self.refused += 1
 
     def shrink(self) -> None:
-        """Give room back to the disk once nothing waits."""
+        """Return free space to the disk once the queue is empty."""
         if not any(self.rows.values()):
             with suppress(sqlite3.Error):
                 self._db.execute('PRAGMA incremental_vacuum(2000)').fetchall()
@@ -333,7 +333,7 @@ class Outbox:
             yield OutboxRow(*found)
 
     def _count(self, rows: Sequence[OutboxRow], sign: int) -> None:
-        """Count rows that come or go, in memory and in the file."""
+        """Count added and removed rows, in memory and in the file."""
         for row in rows:
             importance = Importance(row.importance)
             self.rows[importance] += sign

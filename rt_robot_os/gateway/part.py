@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the gateway is made of: parts, each with its topics of the robot and its kinds of messages.
+The parts of the gateway, each with its topics of the robot and its kinds of messages.
 
-A part says which topics it reads and publishes, which messages of the server are for it,
-and what it adds to the greeting. The gateway has one object of each, made with
+A part declares the topics it reads and publishes, the messages of the server it receives, and its
+additions to the greeting. The gateway has one object of each, made with
 :class:`GatewayContext`, and calls it as written here::
 
     class Horn(Part):
@@ -32,8 +32,8 @@ A class of messages such as ``HonkMessage`` stands in :mod:`rt_robot_os.messages
 the table of kinds there.
 
 Two threads call a part: the link's (``take`` of :class:`~.reading.Reads` and
-:meth:`Part.met_robot`), and the network's, an asyncio loop (all others). What waits, for a disk or
-a device, belongs in neither.
+:meth:`Part.met_robot`), and the network's, an asyncio loop (all others). Neither may be blocked by
+    a disk or a device.
 """
 
 from __future__ import annotations
@@ -60,11 +60,11 @@ from rt_robot_os.messages.uplink.messages import UplinkMessage
 
 class Record(NamedTuple):
     """
-    What has to arrive, once.
+    A record that must arrive exactly once.
 
     :ivar type: such as ``alarm_event``.
     :ivar content: JSON.
-    :ivar utc_ns: when it was, by this machine's clock.
+    :ivar utc_ns: its time, by this machine's clock.
     """
 
     importance: Importance
@@ -76,7 +76,7 @@ class Record(NamedTuple):
 @dataclass(frozen=True)
 class Greeting:
     """
-    What a part adds to the first message to the server; those of all parts are joined.
+    The additions of a part to the first message to the server; those of all parts are joined.
 
     :ivar capabilities: what the robot can do.
     :ivar cameras: their names.
@@ -91,33 +91,33 @@ class Greeting:
 
 
 class Sending(Protocol):
-    """The connection ``/robot/state``, as parts see it. Any thread may call it."""
+    """The interface of the connection ``/robot/state`` for parts. Thread-safe."""
 
     @property
     def connected(self) -> bool:
-        """Whether the server has greeted back and is heard."""
+        """Whether the server has returned the greeting and responds."""
 
     def send(self, message: UplinkMessage) -> bool:
-        """Queue a message ahead of records and signals; False when too many wait already."""
+        """Queue a message ahead of records and signals; False when the queue is full."""
 
     def wake(self) -> None:
-        """Have the sender look for what is new."""
+        """Wake the sender to check for new data."""
 
     def send_newest(self, message: UplinkMessage) -> None:
-        """Queue a message in the place of the one of its kind that still waits."""
+        """Queue a message, replacing a queued one of its kind."""
 
 
 @dataclass(frozen=True)
 class GatewayContext:
     """
-    What a part can reach.
+    The dependencies of a part.
 
     :ivar robot: topics of the core.
     :ivar server: the connection for state.
-    :ivar keep: takes a record; it is on the disk soon, and at the server once. Any thread.
+    :ivar keep: stores a record, which is soon on the disk and sent to the server once. Any thread.
     :ivar connect: opens one more lasting connection: takes a path such as ``/robot/media`` and
         what talks on it, as :class:`~rt_robot_os.gateway.connection.ServerConnection` does.
-    :ivar tell: takes a line of text about what goes wrong.
+    :ivar tell: reports a problem in a line of text.
     :ivar folder: of the gateway's files.
     """
 
@@ -155,19 +155,19 @@ class Part:
         return Greeting()
 
     def met_robot(self, topics: Mapping[str, TopicInfo]) -> None:
-        """Note that there is a core, perhaps a new one, with these topics. Link's thread."""
+        """Handle a connection to a core, perhaps a new one, with these topics. Link's thread."""
 
     def met_server(self) -> None:
-        """Note that the server has greeted back."""
+        """Handle the server's greeting."""
 
     def lost_server(self) -> None:
-        """Note that the connection is gone."""
+        """Handle the loss of the connection."""
 
     def receive(self, message: UplinkMessage) -> None:
         """
         Receive a message of one of its classes.
 
-        :raises ValueError: it makes no sense now; it is counted and reported, nothing else.
+        :raises ValueError: it is not valid now; this is only counted and reported.
         """
 
     def reject(self, kind: str) -> None:

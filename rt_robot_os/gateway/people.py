@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Of whom a robot has topics: ``health/<person>/<sign>``."""
+"""The people about whom a robot has topics: ``health/<person>/<sign>``."""
 
 from __future__ import annotations
 
@@ -22,6 +22,6 @@ from rt_robot_os.base.schema import star_match
 
 
 def people_in(topics: Iterable[str]) -> tuple[str, ...]:
-    """Return the people of some topics, in the order of the alphabet."""
+    """Return the people of some topics, in alphabetical order."""
     return tuple(sorted({topic.split('/')[1] for topic in topics
                          if star_match('health/*/*', topic) is not None}))

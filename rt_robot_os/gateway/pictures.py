@@ -15,8 +15,8 @@
 """
 The newest picture of each camera, from the core: read only while a page shows it.
 
-A connection and a thread of their own, so that no picture is ever between the gateway and an
-alarm. While no page shows a camera there is no connection, and no work for the core.
+They have a separate connection and thread, so that a picture never delays an alarm. While no page
+shows a camera there is no connection, and no work for the core.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from rt_robot_os.link.reconnecting_client import ReconnectingClient
 from rt_robot_os.messages.cdr import CdrReader
 
 _LOOK_S: Final = 0.1
-#: Without a picture for this long its device is asked for the reason.
+#: Time without a picture after which the device is asked for the reason.
 _TROUBLE_S: Final = 2.0
 _JPEG: Final = b'\xff\xd8\xff'
 
@@ -72,10 +72,10 @@ def jpeg_in(cdr: bytes | memoryview) -> bytes:
 
 class CameraReader:
     """
-    Read the cameras that are wanted.
+    Read the requested cameras.
 
     :param path: of the core's socket.
-    :param wake: called, by the thread that reads, when there is a picture.
+    :param wake: called by the reading thread when there is a picture.
     :param tell: takes lines for people.
     :param trouble: takes, by the thread that reads, why a camera gives no picture: its name, and
         what its device says; an empty text when there are pictures again.
@@ -104,23 +104,23 @@ class CameraReader:
         self._thread.start()
 
     def found(self, topics: Mapping[str, str]) -> None:
-        """Note the topics of compressed pictures, by the names of the cameras; any thread may."""
+        """Set the topics of compressed pictures, by camera name; thread-safe."""
         self._topics = dict(topics)
         self._changed.set()
 
     def want(self, rates: Mapping[str, float]) -> None:
-        """Read these cameras from now on, at these rates; any thread may."""
+        """Read these cameras from now on, at these rates; thread-safe."""
         self._wanted = dict(rates)
         for name in [name for name in list(self._newest) if name not in self._wanted]:
             self._newest.pop(name, None)
         for name in [name for name in list(self._seen_s) if name not in self._wanted]:
             self._seen_s.pop(name, None)
         for name in [name for name in list(self._troubles) if name not in self._wanted]:
-            self._troubles.pop(name, None)  # it is said again to who looks next
+            self._troubles.pop(name, None)  # it is reported again to the next viewer
         self._changed.set()
 
     def take(self, name: str) -> CameraPicture | None:
-        """Return the newest picture that was not taken before; any thread may."""
+        """Return the newest picture that was not returned before; thread-safe."""
         return self._newest.pop(name, None)
 
     def close(self) -> None:
@@ -183,7 +183,7 @@ class CameraReader:
                 return
 
     def _look_for_trouble(self) -> None:
-        """Ask the core now and then why cameras give no picture."""
+        """Ask the core periodically why cameras have no pictures."""
         now_s, client = time.monotonic(), self._client.client
         if client is None or now_s - self._asked_s < _TROUBLE_S:
             return

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The program `gateway`: carry between a robot and a monitor.
+The program `gateway`: connects a robot to a monitor.
 
 Run it next to the robot with the same parameter file.
 """

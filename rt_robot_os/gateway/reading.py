@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which topics of the robot the parts of the gateway read, and what they get of them."""
+"""Declarations of the topics that parts of the gateway read, and the samples they get."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ class Reads:
 
     :ivar topic: its name; ``*`` stands for one part of it.
     :ivar take: called by the link's thread with each sample, whose bytes are valid meanwhile.
-    :ivar every: all samples, from the oldest that the core keeps; otherwise the newest, at most
+    :ivar every: all samples, from the oldest stored in the core; otherwise the newest, at most
         ``rate_hz`` times a second.
-    :ivar rate_hz: 0 for as often as it comes.
-    :ivar shown: it is read for pages: no more often than they want it.
+    :ivar rate_hz: 0 means unlimited.
+    :ivar shown: it is read for pages, at most at the rate they request.
     """
 
     topic: str
@@ -62,7 +62,7 @@ class Reads:
 
 
 class TopicListener(Protocol):
-    """What reads and publishes topics of a robot: a part of the gateway."""
+    """A part of the gateway that reads and publishes topics of a robot."""
 
     def reads(self) -> Sequence[Reads]:
         """Return the topics that it reads."""
@@ -71,4 +71,4 @@ class TopicListener(Protocol):
         """Return the topics that it publishes."""
 
     def met_robot(self, topics: Mapping[str, TopicInfo]) -> None:
-        """Note that there is a core with these topics."""
+        """Handle a connection to a core with these topics."""

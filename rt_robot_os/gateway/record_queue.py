@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Records to the disk and from there to the sender, by a thread of its own: a disk may be slow.
+Writes records to the disk and passes them to the sender, in a separate thread: a disk may be slow.
 
-What cannot wait is written immediately, the rest together a moment later. A disk that is full or
-broken stops nothing: records are held in memory, sent from there, and written when it works again.
+Urgent records are written immediately, the rest together a moment later. With a full or broken
+disk records are held in memory, sent from there, and written when the disk works again.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ from rt_robot_os.messages.uplink.records import BatchStored
 from rt_robot_os.messages.uplink.records import UplinkRecord
 
 FILE: Final = 'outbox.sqlite3'
-#: The longest record; what is longer is replaced by a line that says so.
+#: Longest record; a longer one is replaced by a note about it.
 RECORD_BYTES: Final = MESSAGE_BYTES // 4
-#: Records that may wait for the thread.
+#: Most records that wait for the thread.
 QUEUE: Final = 20_000
 _GATHER_S: Final = 0.5
 _GATHER_MOST: Final = 1000
@@ -61,13 +61,13 @@ _S_PER_DAY: Final = 86400.0
 
 class RecordQueue(Part):
     """
-    Keep records until the server has them.
+    Store records until the server has them.
 
-    :param boot: of this start.
+    :param boot: id of this start.
     :param clock_s: CLOCK_MONOTONIC, in s.
     :ivar kept: records so far.
-    :ivar problem: what is wrong with the disk; empty when nothing is.
-    :ivar flooded: records for which there was no room in the queue to the disk.
+    :ivar problem: the problem of the disk; empty without one.
+    :ivar flooded: records dropped because the queue to the disk was full.
     :raises StartError: the folder cannot be used.
     """
 
@@ -99,7 +99,7 @@ class RecordQueue(Part):
         self._thread: threading.Thread | None = None
         if self.outbox.damaged is not None:
             context.tell(f'{self.outbox.path} could not be read and is now {self.outbox.damaged}: '
-                         'what was in it is not sent')
+                         'its records are not sent')
 
     # ---- any thread --------------------------------------------------------------------------
 
@@ -107,7 +107,7 @@ class RecordQueue(Part):
         """
         Keep a record.
 
-        :param mark: how far its topic is recorded with it; it is written together with it.
+        :param mark: how far its topic is recorded with it; both are written together.
         """
         if self._queue.qsize() >= QUEUE and record.importance not in URGENT:
             self.flooded += 1
@@ -124,17 +124,17 @@ class RecordQueue(Part):
         return None
 
     def met_server(self) -> None:
-        """Send from the beginning: what was on its way may be lost."""
+        """Send from the beginning: batches in flight may be lost."""
         self._connection += 1
         self._queue.put(('met', self._connection))
 
     def lost_server(self) -> None:
-        """Send nothing more."""
+        """Stop sending."""
         self._connection += 1
         self._queue.put(('lost', self._connection))
 
     def receive(self, message: UplinkMessage) -> None:
-        """Receive what became of a batch."""
+        """Receive the result of a batch."""
         if not isinstance(message, (BatchStored, BatchRefused)):
             return
         if not isinstance(message.batch, int):
@@ -167,7 +167,7 @@ class RecordQueue(Part):
         self._thread.start()
 
     def stop(self) -> None:
-        """Write what there is, and end."""
+        """Write the queued records, and end."""
         if self._thread is not None:
             self._queue.put(None)
             self._thread.join()
@@ -192,7 +192,7 @@ class RecordQueue(Part):
                 return
 
     def step(self, items: Any) -> None:
-        """Take what has come, write what is due, make what may go next."""
+        """Process arrived records, write due ones, and prepare the next batch."""
         now_s = self._clock_s()
         self.outbox.lived_s = round(self._base_s + now_s)
         for item in items:
@@ -230,7 +230,7 @@ class RecordQueue(Part):
             self._sending = item[1] if what == 'met' else 0
             return
         if item[2] != self._sending:
-            return  # about a connection that is gone
+            return  # about an earlier connection
         try:
             if what == 'stored':
                 self.dispatch.take_stored(item[1], now_s)
@@ -238,7 +238,7 @@ class RecordQueue(Part):
             _, number, _, retry_s, why = item
             row = self.dispatch.take_refused(number, why, retry_s, now_s)
             if row is not None:
-                self.context.tell(f'the server never takes record {row.seq}: {why}; it is set '
+                self.context.tell(f'the server always refuses record {row.seq}: {why}; it is set '
                                   f'aside in {self.outbox.path}')
         except sqlite3.Error as error:
             self._note(error)
@@ -257,7 +257,7 @@ class RecordQueue(Part):
                 self.outbox.lost[Importance(row.importance)] += 1
 
     def _tidy(self, now_s: float) -> None:
-        """Give room: to the limit, to the disk; and write what it did not take before."""
+        """Evict rows beyond the limit, free disk space, and write rows that failed before."""
         try:
             if len(self.spare) and now_s - self._tried_s >= _AGAIN_S:
                 self._tried_s = now_s
@@ -277,7 +277,7 @@ class RecordQueue(Part):
         try:
             self.outbox.add(rows, list(self.spare.marks.values()))
         except sqlite3.Error:
-            # Pages that become free in the file need nothing of the disk.
+            # Free pages in the file need no further disk space.
             least = max(rows[0].importance + 1, Importance.MEDIA)
             if not self.outbox.evict(self.dispatch.protected, least):
                 raise
@@ -308,7 +308,7 @@ class RecordQueue(Part):
 
 
 def record_text(seq: int, record: Record) -> str | None:
-    """Write a record as it is sent; None when it is too long, or JSON cannot hold it."""
+    """Serialise a record for sending; None when it is too long or not valid as JSON."""
     try:
         text = UplinkRecord(seq, record.importance, record.type, record.utc_ns,
                             record.content).to_json()

@@ -13,12 +13,11 @@
 # limitations under the License.
 
 """
-Which topics of the robot become records, and how important each is.
+The topics of the robot that become records, and the importance of each.
 
-Of topics on which something happens (alarms, the agent, what is said) each sample is a record, and
-how far they were recorded is kept with them on the disk: a core or a gateway that starts anew
-tells nothing twice. Of topics that describe a state a record is made when it changes, and now and
-then.
+Each sample of an event topic (alarms, the agent, speech) becomes a record, and the last recorded
+position is stored with it on the disk: after a restart of the core or the gateway nothing is
+recorded twice. A state topic becomes a record when it changes, and periodically.
 """
 
 from __future__ import annotations
@@ -52,8 +51,8 @@ class RecordTopic(NamedTuple):
     """
     A topic of which each sample is a record.
 
-    :ivar type: of the record.
-    :ivar key: under which a text that is no JSON stands in it.
+    :ivar type: type of the record.
+    :ivar key: key of a text that is not JSON in the record.
     """
 
     topic: str
@@ -67,7 +66,7 @@ EVENTS: Final = (
     RecordTopic('agent/transitions', Importance.EVENT, 'transition'),
     RecordTopic('agent/say', Importance.EVENT, 'log', 'said'),
     RecordTopic('agent/observed', Importance.EVENT, 'log', 'observed'))
-#: Texts of events that a page words by their codes.
+#: Texts of events that a page translates by their codes.
 _WORDED: Final = ('text', 'why')
 _SIGNS: Final = 'health/*/signs'
 _SCORES: Final = 'health/*/news2_details'
@@ -83,7 +82,7 @@ class Records(Part):
     """
     Make records of samples.
 
-    :param keeper: where they go.
+    :param keeper: the queue for the records.
     :ivar passed_over: samples that had been recorded before a restart.
     """
 
@@ -94,10 +93,10 @@ class Records(Part):
         self._marks = keeper.marks()
         self._kinds = {each.topic: each for each in EVENTS}
         self._states: dict[tuple[str, ...], tuple[Any, float]] = {}
-        self._measured: dict[tuple[str, ...], int] = {}  # stamps that were recorded last
+        self._measured: dict[tuple[str, ...], int] = {}  # last recorded stamps
 
     def reads(self) -> Sequence[Reads]:
-        """Read all of what happens, and the newest of what is."""
+        """Read all samples of events, and the newest of states."""
         settings = self.context.settings
         signs_hz = _HZ_MOST if not settings.signs_s else min(_HZ_MOST, 1 / settings.signs_s)
         return (*(Reads(each.topic, self._take_event, every=True) for each in EVENTS),
@@ -107,7 +106,7 @@ class Records(Part):
                 Reads(_NODES, self._take_nodes, rate_hz=1.0),
                 Reads(_FAULTS, self._take_faults, rate_hz=5.0))
 
-    # ---- what happens ------------------------------------------------------------------------
+    # ---- events ------------------------------------------------------------------------------
 
     def _take_event(self, sample: Sample) -> None:
         run = self.context.robot.run_id
@@ -135,7 +134,7 @@ class Records(Part):
             measured = _number(each.values.get('stamp_ns')) if quality == 'good' else None
             stamp_ns = sample.stamp_ns if measured is None else int(measured)
             key = ('sign', person, sign)
-            # A cuff measures once an hour: its value stays good, and is one observation.
+            # A cuff measures once an hour: its value stays valid, and is one observation.
             if measured is not None and self._measured.get(key) == stamp_ns:
                 continue
             if not self._is_due(key, (value, quality, source),
@@ -190,7 +189,7 @@ class Records(Part):
                        sample.stamp_ns)
 
     def _is_due(self, key: tuple[str, ...], state: Any, every_s: float) -> bool:
-        """Return whether a state has changed or was not recorded for long; remember it if so."""
+        """Return whether a state has changed or is due again; store it if so."""
         now_s = time.monotonic()
         known = self._states.get(key)
         if known is not None and known[0] == state and now_s - known[1] < every_s:

@@ -31,7 +31,7 @@ from websockets.exceptions import InvalidStatus
 _NOT_YET_VALID: Final = 9
 _EXPIRED: Final = 10
 _NAMES: Final = (62, 64)
-#: With which a server closes a connection that it does not want: 4000 + a status of HTTP.
+#: Close codes of a server that refuses a connection: 4000 + an HTTP status.
 _UNAUTHORIZED: Final = 401
 _FORBIDDEN: Final = 403
 _NOT_FOUND: Final = 404
@@ -41,13 +41,13 @@ _TEXT: Final = 200
 
 
 def is_refusal(error: BaseException | None) -> bool:
-    """Return whether the server, or this side, refuses: an immediate retry would not help."""
+    """Return whether the server or this side refuses, so that an immediate retry is useless."""
     return isinstance(error, StartError | ssl.SSLCertVerificationError) or _status(error) in (
         _UNAUTHORIZED, _FORBIDDEN, _NOT_FOUND, _VERSION)
 
 
 def reason_of(error: BaseException | None, settings: GatewaySettings) -> str:
-    """Say why there is no connection; never with the token."""
+    """Return why there is no connection; never with the token."""
     if isinstance(error, StartError):
         return str(error)
     if isinstance(error, ssl.SSLCertVerificationError):
@@ -57,7 +57,7 @@ def reason_of(error: BaseException | None, settings: GatewaySettings) -> str:
                 'it? Then write ws:// (to this machine only)')
     status = _status(error)
     if status in (_UNAUTHORIZED, _FORBIDDEN):
-        return (f'the server does not take the token in {settings.token_file}: make one there '
+        return (f'the server does not accept the token in {settings.token_file}: make one there '
                 'with `monitor robot add NAME` and put it into that file')
     if status == _NOT_FOUND:
         return 'there is no monitor at this address: check server under /**/gateway'
@@ -68,7 +68,7 @@ def reason_of(error: BaseException | None, settings: GatewaySettings) -> str:
     if isinstance(error, socket.gaierror):
         return f'the name of the server is not known ({error.strerror}): check server and the DNS'
     if isinstance(error, TimeoutError):
-        return 'nothing answers: is the server running, and the network there?'
+        return 'no answer: check that the server runs and the network works'
     if isinstance(error, ConnectionResetError):
         return str(error) if error.errno is None else 'the connection was reset'
     if isinstance(error, OSError):
@@ -79,7 +79,7 @@ def reason_of(error: BaseException | None, settings: GatewaySettings) -> str:
 
 
 def _status(error: BaseException | None) -> int:
-    """Return the status of HTTP with which the server said no; 0 when it did not."""
+    """Return the HTTP status of the server's refusal; 0 without one."""
     if isinstance(error, InvalidStatus):
         return error.response.status_code
     if isinstance(error, ConnectionClosed) and error.rcvd is not None:

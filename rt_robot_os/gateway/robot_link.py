@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The core as the gateway reaches it: one lasting connection of the link, in a thread."""
+"""The gateway's connection to the core: one reconnecting client of the link, in a thread."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ from rt_robot_os.link.threaded_client import advertise
 from rt_robot_os.link.threaded_client import run_of
 from rt_robot_os.link.threaded_client import ThreadedClient
 
-#: How long the core may keep a sample to send it with others: less work for it.
+#: How long the core may delay a sample to batch it with others, which reduces its load.
 DELAY_MS: Final = 20.0
 
 
 @dataclass
 class _Read:
-    """One mirror: the parts that read its samples, and what was requested of the core."""
+    """One mirror: the parts that read its samples, and the request to the core."""
 
     info: TopicInfo
     reads: list[Reads] = field(default_factory=list)
     asked: tuple[Any, ...] = ()
 
     def wanted(self, limit_hz: float) -> dict[str, Any]:
-        """Return what to request; signals come no faster than pages want them."""
+        """Return the request; signals are limited to the rate that pages request."""
         if any(each.every for each in self.reads):
             return {'policy': 'drain', 'max_rate_hz': 0.0, 'oldest': True, 'patient': True}
         rates = [min(each.rate_hz or limit_hz, limit_hz) if each.shown and limit_hz
@@ -64,15 +64,15 @@ class _Read:
 
 class RobotLink:
     """
-    Samples of the core to the parts, and what parts publish to the core.
+    Passes samples of the core to the parts, and messages of parts to the core.
 
     :param path: of the core's socket.
-    :param tell: takes a line of text when the core is gone and when it is back.
-    :ivar run_id: of the core that is connected: another one has another; empty before the first.
-    :ivar topics: of the core, by name.
-    :ivar samples: that were taken.
-    :ivar missed: samples that were lost of topics of which all are wanted.
-    :ivar limit_hz: no topic that is read to be shown comes more often; 0 for no limit.
+    :param tell: receives a line of text when the core is lost and when it is back.
+    :ivar run_id: unique id of the connected core; empty before the first.
+    :ivar topics: topics of the core, by name.
+    :ivar samples: received samples.
+    :ivar missed: lost samples of topics of which all are requested.
+    :ivar limit_hz: highest rate of topics that are read for pages; 0 for no limit.
     :ivar published: messages to the core.
     :ivar faulty: samples that a part could not read.
     """
@@ -114,10 +114,10 @@ class RobotLink:
         """
         Return whether the core or another client reads what is published on a topic.
 
-        What the core itself reads is known since the connection was made; else the core is asked,
-        which may take a moment. Any thread.
+        Topics that the core reads are known since the connection was made; otherwise the core is
+        asked, which may take a moment. Any thread.
 
-        :raises LinkError: there is no core, or it does not say.
+        :raises LinkError: there is no core, or it does not answer.
         """
         client = self._link.client
         if client is None:
@@ -132,7 +132,7 @@ class RobotLink:
         Publish a message immediately. Any thread.
 
         :param cdr: with its four bytes of encapsulation.
-        :raises LinkError: there is no core, it has no such topic, or does not keep up.
+        :raises LinkError: there is no core, it has no such topic, or it is too slow.
         """
         client = self._link.client
         if client is None:
@@ -173,7 +173,7 @@ class RobotLink:
         self._ask(client)
 
     def _ask(self, client: LinkClient) -> None:
-        """Ask for what is wanted and was not asked for yet."""
+        """Send the requests that were not sent yet."""
         for read in self._by_channel.values():
             wanted = read.wanted(self.limit_hz)
             if read.asked != (asked := tuple(wanted.values())):

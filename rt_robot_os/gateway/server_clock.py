@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The clock of the server as the robot sees it: no robot's time of day has to be right."""
+"""Estimates the clock of the server, so that the robot's time of day need not be right."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _KEPT: Final = 12
 
 class ServerClock:
     """
-    Learn how far the server's time of day is from this machine's CLOCK_MONOTONIC.
+    Estimate the offset of the server's time of day from this machine's CLOCK_MONOTONIC.
 
-    The answer that was quickest counts: it was late by half its way at most.
+    The answer with the shortest round trip counts: its error is at most half of it.
 
-    :ivar answers: so far.
+    :ivar answers: number of answers so far.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class ServerClock:
         """
         Take an answer.
 
-        :param asked_ns: when it was asked for, on CLOCK_MONOTONIC.
+        :param asked_ns: time of the request, on CLOCK_MONOTONIC.
         :param utc_ns: the server's time of day.
         :param now_ns: on CLOCK_MONOTONIC.
         """

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Files of alarms on their way to the server: kept here until it has them, over any restart.
+Files of alarms for the server, stored here until it has them, across restarts.
 
-A file is linked into this folder, or copied where it lies on another disk: what the robot deletes
-of its observations to make room is not lost. Files come from the folder of observations alone, are
-plain files with a name of its pattern, and are never followed elsewhere.
+A file is linked into this folder, or copied from another disk: it is not lost when the robot
+deletes observations to free space. Only plain files with a matching name in the folder of
+observations are accepted; links are not followed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from typing import Final
 
 from rt_robot_os.base.errors import RecordingError
 
-#: As the server takes them.
+#: As accepted by the server.
 FILE_BYTES: Final = 256 << 20
 _NAME: Final = re.compile(r'observed_(\d{8}T\d{6}_\d{6})Z_([A-Za-z0-9_-]*)\.(jpg|avi|wav)')
 _KNOWN_MOST: Final = 2000
@@ -51,11 +51,11 @@ _NOW: Final = '%Y%m%dT%H%M%S_%f'
 
 class Spool:
     """
-    A folder of files that wait; one thread takes them, another may send them meanwhile.
+    A folder of waiting files; one thread adds them, another may send them meanwhile.
 
-    :param folder: it is made, for its owner alone.
-    :param observations: where the robot's files are.
-    :param most_bytes: that may wait; then the oldest files are dropped.
+    :param folder: created with access for its owner only.
+    :param observations: folder of the robot's files.
+    :param most_bytes: size limit; beyond it the oldest files are dropped.
     :ivar given_up: files that were dropped, or that the server refused.
     :ivar odd: names that are not those of the robot's observations.
     """
@@ -73,17 +73,17 @@ class Spool:
     # ---- what waits ---------------------------------------------------------------------------
 
     def waiting(self) -> list[dict[str, Any]]:
-        """Return what waits: pictures first, which are small and say most, the oldest first."""
-        return sorted(list(self._items.values()),  # a copy: others come meanwhile
+        """Return the waiting files: the small and useful pictures first, the oldest first."""
+        return sorted(list(self._items.values()),  # a copy: others are added meanwhile
                       key=lambda each: (each['suffix'] != '.jpg', each['file']))
 
     def count_bytes(self) -> int:
-        """Return how much waits."""
+        """Return the size of the waiting files."""
         return sum(int(each['size']) for each in list(self._items.values()))
 
     def part(self, item: Mapping[str, Any], offset: int, size: int) -> bytes:
         """
-        Read some of a file.
+        Read a part of a file.
 
         :raises OSError: it is gone.
         """
@@ -92,7 +92,7 @@ class Spool:
             return file.read(size)
 
     def done(self, name: str, given_up: bool = False) -> None:
-        """Forget a file: the server has it, or will never have it; may be called twice."""
+        """Remove a file that the server has or will never accept; may be called twice."""
         if self._items.pop(name, None) is not None:
             self.given_up += given_up
         self._data(name).unlink(missing_ok=True)
@@ -102,11 +102,11 @@ class Spool:
 
     def take(self, told: Mapping[str, Any]) -> dict[str, Any] | None:
         """
-        Take a file that the robot tells of.
+        Add a file that the robot announces.
 
-        :param told: as in `agent/observed`, with ``t_ns`` in UTC.
-        :return: what it is; None when it is known already.
-        :raises RecordingError: it cannot be taken; the text says why.
+        :param told: content of `agent/observed`, with ``t_ns`` in UTC.
+        :return: its description; None when it is known already.
+        :raises RecordingError: it cannot be added; the text gives the reason.
         """
         path = Path(str(told.get('file', '')))
         matched = _NAME.fullmatch(path.name)
@@ -120,14 +120,14 @@ class Spool:
         try:
             item = self._keep(path.name, told)
         except OSError as error:
-            raise RecordingError(f'{path} cannot be kept for the server: '
+            raise RecordingError(f'{path} cannot be stored for the server: '
                                  f'{error.strerror or error}') from error
         self._know(path.name)
         self._make_room()
         return item
 
     def missed(self) -> Iterator[dict[str, Any]]:
-        """Yield what was observed while the gateway did not run, by the names of files."""
+        """Yield observations made while the gateway did not run, by the names of files."""
         try:
             names = sorted(os.listdir(self._observations))
         except OSError:
@@ -218,7 +218,7 @@ class Spool:
     def _know(self, name: str) -> None:
         self._known[name] = None
         if len(self._known) > _KNOWN_MOST:
-            # Names are in the order of time: what is older than those forgotten is not looked for.
+            # Names are in order of time: files older than the removed ones are not searched.
             oldest = sorted(self._known)[:_KNOWN_MOST // 2]
             for each in oldest:
                 del self._known[each]
@@ -239,7 +239,7 @@ def _plain(name: str | Path, folder: int | None = None) -> int:
     """
     Open a plain file for reading.
 
-    :raises OSError: it is none, or too long.
+    :raises OSError: it is not a plain file, or too long.
     """
     handle = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC,
                      dir_fd=folder)

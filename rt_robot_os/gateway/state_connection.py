@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The connection ``/robot/state``: greeting, then what waits, the most important first.
+The connection ``/robot/state``: the greeting, then queued data, the most important first.
 
-One task sends: first answers and heart-beats, then records, then signals, so that no alarm waits
-behind a number. Of records and signals little is on its way at a time, so that what is new waits
-for a moment only.
+One task sends: first answers and heartbeats, then records, then signals, so that an alarm never
+waits behind a signal. Few records and signals are in flight at a time, so that new ones wait only
+for a moment.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from rt_robot_os.messages.uplink.messages import UplinkMessage
 from rt_robot_os.messages.uplink.tasks import end
 
 PATH: Final = '/robot/state'
-#: Messages of parts that may wait.
+#: Most queued messages of parts.
 QUEUE: Final = 256
 _LOOK_S: Final = 0.02
 _ALIVE_S: Final = 1.0
@@ -55,24 +55,24 @@ _WELCOME_S: Final = 5.0
 
 
 class TextSource(Protocol):
-    """Where the sender takes records or signals from."""
+    """The source of records or signals for the sender."""
 
     def next_text(self) -> str | None:
-        """Return the next message, None when there is none that may go now."""
+        """Return the next message; None when none may be sent now."""
 
 
 class StateConnection:
     """
     Talk with the server about state.
 
-    :param hello: makes the greeting.
-    :param tell: takes a line of text about what goes wrong.
-    :ivar connected: whether the server has greeted back.
-    :ivar sent: messages.
-    :ivar heard: messages.
+    :param hello: returns the greeting.
+    :param tell: reports a problem in a line of text.
+    :ivar connected: whether the server has returned the greeting.
+    :ivar sent: sent messages.
+    :ivar heard: received messages.
     :ivar unknown: messages of an unknown kind.
     :ivar malformed: messages that were malformed.
-    :ivar full: messages of parts for which there was no room.
+    :ivar full: messages of parts that were dropped because the queue was full.
     """
 
     def __init__(self, settings: GatewaySettings, hello: Callable[[], RobotHello],
@@ -95,7 +95,7 @@ class StateConnection:
     # ---- for parts ---------------------------------------------------------------------------
 
     def send(self, message: UplinkMessage) -> bool:
-        """Queue a message ahead of records and signals; False when it is not taken. Any thread."""
+        """Queue a message ahead of records and signals; False when it is dropped. Any thread."""
         if not self.connected:
             return False
         if len(self._queue) >= QUEUE:
@@ -106,7 +106,7 @@ class StateConnection:
         return True
 
     def send_newest(self, message: UplinkMessage) -> None:
-        """Queue a message in the place of the one of its kind that still waits. Any thread."""
+        """Queue a message, replacing a queued one of its kind. Any thread."""
         if self.connected:
             self._newest[message.KIND] = message.to_json()
             self.wake()
@@ -162,11 +162,11 @@ class StateConnection:
 
     async def _watch(self, hello: RobotHello) -> None:
         """
-        End when the greeting would be another: the server is greeted again.
+        End when the greeting has changed, so that it is sent again.
 
         :raises Renewal: always.
         """
-        # Another map is sent by itself.
+        # A changed map is sent separately.
         while replace(self._hello(), utc_ns=hello.utc_ns, map=hello.map) == hello:
             await asyncio.sleep(_ALIVE_S)
         raise Renewal

@@ -13,13 +13,14 @@
 # limitations under the License.
 
 """
-Which remote driver has the lease, whether a command is recent enough, how long it is active.
+Decides which remote driver has the lease, and which commands are recent enough and how long
+active.
 
-Pure decisions with a clock that is handed in; :mod:`rt_robot_os.gateway.drive` connects them. What
-moves the robot has to pass all of this, in this order: it belongs to the lease of the moment; its
-number rises; its ticket is at most ``ticket_s`` old; the dead-man switch was seen released since
-the lease began, and since the last gap. Then it is active for ``hold_s``, but never longer than
-``ticket_s`` after its ticket was issued.
+It makes pure decisions with a clock as an argument; :mod:`rt_robot_os.gateway.drive` connects
+them. A command that moves the robot must pass these checks in this order: it belongs to the
+present lease; its number increases; its ticket is at most ``ticket_s`` old; the dead-man switch
+was seen released since the lease began, and since the last gap. Then it is active for ``hold_s``,
+but never longer than ``ticket_s`` after its ticket was issued.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from rt_robot_os.gateway.tickets import Tickets
 from rt_robot_os.messages.uplink.driving import DriveBegin
 from rt_robot_os.messages.uplink.driving import DriveCommand
 
-#: Why a command was not taken, each with its counter.
+#: Reasons to refuse a command, each with its counter.
 FOREIGN: Final = 'foreign'
 DISORDERED: Final = 'disordered'
 STALE: Final = 'stale'
@@ -46,7 +47,7 @@ class Order(NamedTuple):
     """
     A command for the robot.
 
-    :ivar stamp_ns: from when on its age counts, on CLOCK_MONOTONIC.
+    :ivar stamp_ns: start of its age, on CLOCK_MONOTONIC.
     """
 
     linear_m_s: float
@@ -56,18 +57,18 @@ class Order(NamedTuple):
 
 class TeleopController:
     """
-    Decide what the driver may do.
+    The decisions about commands of the driver.
 
     :param now_ns: on CLOCK_MONOTONIC.
     :ivar lease: of the driver; empty without one.
-    :ivar driver: their name.
+    :ivar driver: name of the driver.
     :ivar is_armed: the dead-man switch was seen released, so that pressing it counts.
     :ivar deadman_pressed: the dead-man switch is pressed, and counts.
-    :ivar moves: the last order was to move.
-    :ivar rtt_ms: to the sender and back, by the last command, without the time that its ticket lay
-        there; None before.
+    :ivar moves: the last command was to move.
+    :ivar rtt_ms: round-trip time by the last command, without the time its ticket was held by the
+        sender; None before.
     :ivar seq: of that command.
-    :ivar counters: what became of commands.
+    :ivar counters: commands by result.
     """
 
     def __init__(self, limits: TeleopLimits) -> None:
@@ -83,7 +84,7 @@ class TeleopController:
         self._gap_ns = 0
 
     def begin(self, message: DriveBegin) -> Order | None:
-        """Let a driver drive from now on; the robot stops for the one before."""
+        """Begin a driver's lease; the robot stops for the previous one."""
         if message.lease == self.lease:
             return None  # sent again, after the server was away for a moment
         order = self.stop()
@@ -99,7 +100,7 @@ class TeleopController:
         """
         End the lease.
 
-        :param lease: the one that ends; None: any.
+        :param lease: the lease that ends; None for any.
         """
         if lease is not None and lease != self.lease:
             return None
@@ -109,7 +110,7 @@ class TeleopController:
         return self.stop()
 
     def stop(self) -> Order | None:
-        """Return the order to stand, if it moves; the hand no longer counts."""
+        """Return the command to stop if the robot moves; the dead-man switch no longer counts."""
         self.deadman_pressed = False
         if not self.moves:
             return None
@@ -121,11 +122,11 @@ class TeleopController:
         return self.tickets.give(now_ns)
 
     def reject(self) -> None:
-        """Count a message that was malformed."""
+        """Count a malformed message."""
         self.counters[MALFORMED] += 1
 
     def take(self, command: DriveCommand, now_ns: int) -> Order | None:
-        """Return what a command makes the robot do; None when it changes nothing."""
+        """Return the resulting command for the robot; None when it changes nothing."""
         try:
             order = self._take(command, now_ns)
         except _NotTaken as error:
@@ -135,7 +136,7 @@ class TeleopController:
         return order
 
     def hold_ended(self, now_ns: int) -> Order | None:
-        """Return the order to stand, if the last command no longer holds."""
+        """Return the command to stop if the last command is no longer active."""
         if not self.moves or now_ns < self._until_ns:
             return None
         self.counters['holds_ended'] += 1
@@ -143,7 +144,7 @@ class TeleopController:
 
     @property
     def until_ns(self) -> int:
-        """Return how long the last command holds; 0 when the robot is not told to move."""
+        """Return how long the last command is active; 0 when it does not move the robot."""
         return self._until_ns if self.moves else 0
 
     def _take(self, command: DriveCommand, now_ns: int) -> Order | None:
@@ -167,7 +168,7 @@ class TeleopController:
             self._gap_ns = 0
             return self.stop()
         if self._gap_ns and now_ns - self._gap_ns > self.limits.ticket_ns:
-            # It has stood meanwhile: it must not start while the driver does not expect it.
+            # It has stopped meanwhile, and must not start when the driver does not expect it.
             self.is_armed = False
         if not self.is_armed:
             raise _NotTaken(NOT_ARMED)
@@ -176,7 +177,7 @@ class TeleopController:
         linear, angular = self.limits.bounded(command.linear_m_s, command.angular_rad_s)
         self._until_ns = min(now_ns + self.limits.hold_ns, given_ns + self.limits.ticket_ns)
         if not linear and not angular:
-            # As active as any other: a stick that is held in its middle steers, too.
+            # It is active like any other: a stick held in its centre is a command, too.
             self.moves = False
             return Order(0.0, 0.0, now_ns)
         self.moves = True

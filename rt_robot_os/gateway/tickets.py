@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Tickets, by which the robot knows how old a remote command is.
+Tickets, which give the robot the age of a remote command.
 
-The robot gives one out with each beat, and a command brings the newest one that its sender has
-seen. How old it is says the robot's own monotonic clock alone: no clock is compared with another,
-and no clock that is set makes anything younger. Whatever waited anywhere on the way, in a queue, a
-socket or a process that was stopped, comes back with an old ticket.
+The robot issues one with each heartbeat, and a command contains the newest one that its sender has
+received. Its age is measured with the robot's own monotonic clock only: clocks are not compared,
+and setting a clock makes no command younger. A command that was delayed anywhere, in a queue, a
+socket or a stopped process, arrives with an old ticket.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 
-# Kept longer than they are worth anything: how slow a link is says a ticket that comes too late.
+# Stored longer than they are valid: a late ticket still measures how slow the link is.
 _KEPT_NS: Final = 5 * NS_PER_S
 _MOST: Final = 256
-# A number that JavaScript holds exactly, with room for years of beats above it.
+# JavaScript represents it exactly, with room for years of heartbeats above it.
 _BITS: Final = 48
 
 
 class Tickets:
-    """The tickets that were given out in the last seconds."""
+    """The tickets issued in the last seconds."""
 
     def __init__(self) -> None:
-        # Not from 1: a command that waited across a restart would find its number again.
+        # Not from 1: a command delayed across a restart could match a new number.
         self._number = secrets.randbits(_BITS)
         self._given: OrderedDict[int, int] = OrderedDict()
 
@@ -53,7 +53,7 @@ class Tickets:
         return self._number
 
     def given_ns(self, number: int) -> int | None:
-        """Return when a ticket was given out; None when it was not, or is forgotten."""
+        """Return when a ticket was issued; None when it is unknown or expired."""
         return self._given.get(number)
 
     def forget(self) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The token by which the server knows this robot: from a file that only this user can read."""
+"""The token that authenticates this robot: from a file that only this user can read."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def read_token(token_file: str) -> str:
     """
     Read the token.
 
-    :raises StartError: there is none, or others can read the file; never with what is in it.
+    :raises StartError: there is none, or others can read the file; never with its content.
     """
     if not token_file:
         raise StartError('token_file is empty: make a token on the server with `monitor robot '

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Calls between a browser and the robot: rung by the server, carried by a process of its own.
+Calls between a browser and the robot: signalled by the server, run in a separate process.
 
-The robot answers a call by itself, since a person lying on the floor cannot; it announces it
-first, so that no one is listened to without notice. The call ends with the connection to the
-server: a microphone that could not be turned off does not stay on.
+The robot answers a call by itself, since a person lying on the floor cannot; it announces the call
+first, so that people know that the microphone is on. The call ends with the connection to the
+server, because the microphone could no longer be turned off.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _TIMES: Final = 'RT_ROBOT_OS_CALL_TIMES'
 
 
 class _Running:
-    """A call that goes on."""
+    """A call in progress."""
 
     def __init__(self, name: str, by: str, process: subprocess.Popen[bytes]) -> None:
         self.name = name
@@ -64,7 +64,7 @@ class _Running:
         self.task: asyncio.Task[None] | None = None
 
     def say(self, content: Mapping[str, Any]) -> None:
-        """Tell the process something."""
+        """Send the process a message."""
         pipe = self.process.stdin
         if pipe is not None:
             with suppress(OSError, ValueError):
@@ -76,7 +76,7 @@ class Voice(Part):
     """
     Calls; see the module.
 
-    :ivar calls: that were taken.
+    :ivar calls: accepted calls.
     """
 
     receives = (VoiceMessage,)
@@ -90,11 +90,11 @@ class Voice(Part):
             settings.microphone or settings.speaker) else lacking('voice', 'aiortc')
 
     def publishes(self) -> tuple[str, ...]:
-        """Publish what the robot says."""
+        """Publish the speech of the robot."""
         return (_SAY,)
 
     def hello(self) -> Greeting:
-        """Say whether it can be called."""
+        """Announce whether it can be called."""
         return Greeting() if self._problem else Greeting(('talk',))
 
     def statistics(self) -> Mapping[str, Any]:
@@ -162,7 +162,7 @@ class Voice(Part):
             self._end('it was a very long call: ring again')
 
     async def _follow(self, running: _Running) -> None:
-        """Pass on what the process says, until it ends."""
+        """Forward the messages of the process until it ends."""
         reader = asyncio.StreamReader(_LINE_BYTES)
         transport, _ = await asyncio.get_running_loop().connect_read_pipe(
             lambda: asyncio.StreamReaderProtocol(reader), running.process.stdout)
@@ -213,7 +213,7 @@ class Voice(Part):
 
 
 def _note_time(said: Mapping[str, Any]) -> None:
-    """Write when a sample of a made sound was spoken, for benchmarks/commands/measure_media.py."""
+    """Write when generated sound was played, for benchmarks/commands/measure_media.py."""
     path = os.environ.get(_TIMES)
     if path:
         with open(path, 'a') as file:

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-One call of the robot, in a process of its own: WebRTC by aiortc, a microphone and a speaker.
+One call of the robot, in a separate process: WebRTC by aiortc, a microphone and a speaker.
 
-The gateway starts it for a ring and ends it with the call, so that neither its
-libraries nor its work are ever in the way of a command. Lines of JSON: in come the offer and the
-end, out go the answer, states, and why it ended.
+The gateway starts it for a call and ends it with the call, so that neither its libraries nor its
+work delay a command. It reads the offer and the end as lines of JSON, and writes the answer,
+states, and the reason of the end.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _LINE_BYTES: Final = 1 << 20
 
 
 class MicrophoneTrack(MediaStreamTrack):
-    """What the robot hears, as WebRTC takes it."""
+    """The microphone of the robot as a WebRTC track."""
 
     kind = 'audio'
 
@@ -71,7 +71,7 @@ class MicrophoneTrack(MediaStreamTrack):
         """
         Return the next 20 ms.
 
-        :raises MediaStreamError: the microphone is gone.
+        :raises MediaStreamError: the microphone has failed.
         """
         try:
             samples = self._ducking.heard(await self._microphone.read())
@@ -194,7 +194,7 @@ async def _talk() -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Carry one call."""
+    """Run one call."""
     asyncio.run(_talk())
     return 0
 

@@ -45,7 +45,7 @@ RATE_HZ: Final = 48_000
 #: 20 ms, as Opus has them.
 BLOCK: Final = 960
 FILE: Final = 'file:'
-#: Sound that waits for the speaker: as little as keeps it whole, and never more than that.
+#: Sound buffered for the speaker: the least that avoids gaps, and the limit.
 _TARGET: Final = 2 * BLOCK
 _MOST: Final = 8 * BLOCK
 _DEVICE_BLOCK: Final = BLOCK // 2
@@ -60,13 +60,13 @@ _HOLD_S: Final = 0.3
 
 
 class CallMicrophone(Protocol):
-    """Where sound comes from."""
+    """A source of sound."""
 
     async def read(self) -> Samples:
         """
         Wait for the next block.
 
-        :raises DeviceError: the device is gone.
+        :raises DeviceError: the device has failed.
         """
 
     def close(self) -> None:
@@ -75,12 +75,12 @@ class CallMicrophone(Protocol):
 
 class Playout:
     """
-    Sound on its way to a speaker: enough for what the network's jitter is, and no more.
+    The jitter buffer of a speaker: no larger than necessary.
 
-    A device takes it in a thread of its own.
+    A device reads it in a separate thread.
 
-    :ivar gaps: how often there was nothing when something was due.
-    :ivar skipped: samples that were left out because too many waited.
+    :ivar gaps: how often the buffer was empty when sound was due.
+    :ivar skipped: samples dropped because too many were buffered.
     """
 
     def __init__(self) -> None:
@@ -91,7 +91,7 @@ class Playout:
         self._plays = False
 
     def put(self, samples: Samples) -> None:
-        """Take sound; what is too much goes, the oldest first."""
+        """Add sound; beyond the limit the oldest is dropped."""
         with self._lock:
             self._waiting.append(samples)
             self._count += len(samples)
@@ -127,9 +127,9 @@ class Playout:
 
 class Ducking:
     """
-    Lower the microphone while the speaker plays: callers do not hear their own echo.
+    Lower the microphone while the speaker plays, so that callers do not hear their echo.
 
-    :param duck_db: by so much; 0 for never.
+    :param duck_db: attenuation; 0 for none.
     """
 
     def __init__(self, duck_db: float) -> None:
@@ -137,12 +137,12 @@ class Ducking:
         self._until_s = 0.0
 
     def said(self, loud_db: float) -> None:
-        """Note how loud the speaker is."""
+        """Update the level of the speaker."""
         if loud_db > _SPEECH_DB:
             self._until_s = time.monotonic() + _HOLD_S
 
     def heard(self, samples: Samples) -> Samples:
-        """Return what the microphone hears, as loud as it may be now."""
+        """Return the sound of the microphone, attenuated if necessary."""
         if self._factor >= 1.0 or time.monotonic() >= self._until_s:
             return samples
         quiet: Samples = (samples * self._factor).astype(np.int16)
@@ -151,7 +151,7 @@ class Ducking:
 
 class PacedMicrophone:
     """
-    Sound that is made: a block is there when a device would have it, 20 ms after its begin.
+    Generated sound: a block is available when a device would have it, 20 ms after its start.
 
     :param make: the samples of a block, by its number.
     :param told: is called with a time of day in ns when block 0 begins, here and after a pause.
@@ -168,7 +168,7 @@ class PacedMicrophone:
         """Wait for the next block."""
         now_s = time.monotonic()
         due_s = self._begun_s + (self._block - self._first + 1) * BLOCK / RATE_HZ
-        if now_s - due_s > _LATE_S:  # the first one, or this process was not let run
+        if now_s - due_s > _LATE_S:  # the first one, or this process was not scheduled
             self._begun_s, self._first = now_s, self._block
             self._told(time.time_ns(), self._block * BLOCK)
             due_s = now_s + BLOCK / RATE_HZ
@@ -214,7 +214,7 @@ class DeviceMicrophone:
 
 
 class Speaker:
-    """Where sound goes to; this one discards it."""
+    """A sink of sound; this one discards it."""
 
     def __init__(self) -> None:
         self.playout = Playout()
@@ -251,7 +251,7 @@ class DeviceSpeaker(Speaker):
 
 class FileSpeaker(Speaker):
     """
-    A file, written as fast as a device would play: for tests and measurements.
+    A file, written in real time like a device: for tests and measurements.
 
     :param path: of the WAV; next to it ``PATH.times`` has lines with a time of day in ns and the
         number of the sample that was due then.
@@ -259,7 +259,7 @@ class FileSpeaker(Speaker):
 
     def __init__(self, path: Path) -> None:
         super().__init__()
-        self._raw = path.open('wb')  # wave's own leaves a broken object behind when it fails
+        self._raw = path.open('wb')  # wave fails less cleanly
         self._file = wave.open(self._raw, 'wb')
         self._file.setnchannels(1)
         self._file.setsampwidth(2)
@@ -294,7 +294,8 @@ def open_microphone(name: str, told: Callable[[int, int], object]) -> CallMicrop
 
     :param name: of a sound device; ``default``; ``file:PATH`` of a WAV, again and again; ``tone``;
         empty for silence.
-    :param told: of what is made: is called with the time of day in ns of a sample, and its number.
+    :param told: for generated sound: called with the time of day in ns of a sample, and its
+        number.
     :raises DeviceError: it cannot be opened.
     """
     if name == 'tone':
@@ -337,16 +338,16 @@ def tone(block: int) -> Samples:
 
 def read_wave(path: Path) -> Samples:
     """
-    Read a WAV of 16 bits; several channels become one, another rate becomes ours.
+    Read a WAV of 16 bits; channels are mixed to one, the rate is converted.
 
-    :raises DeviceError: it is none.
+    :raises DeviceError: it is not such a file.
     """
     try:
         if path.stat().st_size > _FILE_BYTES:
             raise DeviceError(f'{path} is too long for a call')
         with path.open('rb') as raw, wave.open(raw, 'rb') as file:
             if file.getsampwidth() != 2 or not file.getnframes():
-                raise DeviceError(f'{path} must be a WAV of 16 bits with something in it')
+                raise DeviceError(f'{path} must be a WAV of 16 bits that is not empty')
             rate_hz, channels = file.getframerate(), file.getnchannels()
             found = np.frombuffer(file.readframes(file.getnframes()), '<i2')
     except (OSError, EOFError, wave.Error) as error:

@@ -58,10 +58,10 @@ from starlette.exceptions import HTTPException
 
 _LOG: Final = logging.getLogger('monitor')
 _REFUSED: Final[dict[str, Any]] = {'model': ErrorAnswer, 'description': 'It was refused.'}
-#: From one check that the database is still this server's own to the next.
+#: Period of the check that no other server has taken the database.
 ALONE_S: Final = 5.0
 PAGE: Final = Path(__file__).parent / 'page'
-#: What has a ``router(services)``; a line each.
+#: Modules with a ``router(services)``.
 API: Final = (
     alarms,
     audit,

@@ -38,8 +38,7 @@ _NAME = 'monitor'
 _ABOUT = ('Serve the remote monitor: robots call it, people open its page. No medical '
           'device.')
 _EPILOG = """Commands, each with --help: monitor user | robot | certificate | audit |
-database.
-Its settings stand in a parameter file under /**/monitor; see docs/monitor.md.
+database. Its settings are in a parameter file under /**/monitor; see docs/monitor.md.
 Exit code: 0 ended by a signal, 1 it cannot run, 2 wrong settings."""
 
 
@@ -50,13 +49,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--host', help='address to listen on (default: 127.0.0.1)')
     parser.add_argument('--port', type=int, help='port (default: 8443 with TLS, 8080 without)')
     parser.add_argument('--database', metavar='URL', help='database (default: SQLite in FOLDER)')
-    parser.add_argument('--folder', metavar='DIR', help='what it keeps (default: ~/.ros/monitor)')
+    parser.add_argument('--folder', metavar='DIR', help='its data (default: ~/.ros/monitor)')
     parser.add_argument('--certificate', metavar='FILE', help='certificate of the server, PEM')
     parser.add_argument('--key', metavar='FILE', help='its private key, PEM')
     beside = parser.add_mutually_exclusive_group()
-    beside.add_argument('--demo', action='store_true', help='beside it run a simulated flat in '
-                        'which somebody falls, with its robot and gateway')
-    beside.add_argument('--with-gateway', metavar='NODE', help='beside it run the gateway of a '
+    beside.add_argument('--demo', action='store_true', help='run next to it a simulated flat in '
+                        'which a person falls, with its robot and gateway')
+    beside.add_argument('--with-gateway', metavar='NODE', help='run next to it the gateway of a '
                         'robot of this machine, such as /robot, with a token made for it')
     return parser
 
@@ -95,7 +94,7 @@ def run(argv: Sequence[str]) -> int:
 
 def check_reach(settings: MonitorSettings) -> None:
     """
-    Refuse to be reached from elsewhere in plain text.
+    Refuse to accept unencrypted connections from other machines.
 
     :raises StartError: it would be.
     """
@@ -108,7 +107,7 @@ def check_reach(settings: MonitorSettings) -> None:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this machine reaches that address."""
+    """Return whether only this machine can reach an address."""
     if host == 'localhost':
         return True
     try:

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The connections of the server: how many there may be, and how long one may keep it waiting.
+The connections of the server: limits of their number and of their idle time.
 
-Many idle connections cost a table and a little memory: when the table is full, the one that has
-kept the server waiting longest is dropped for a new one, so that ``/healthz`` and an alarm's page
-answer all the while. Those with a WebSocket have shown a token or a session; they are never
-dropped, and have a limit of their own.
+When the table of connections is full, the one that has kept the server waiting longest is dropped
+for a new one, so that ``/healthz`` and the page of an alarm always answer. Connections with a
+WebSocket are authenticated by a token or a session; they are never dropped, and have a separate
+limit.
 """
 
 from __future__ import annotations
@@ -35,29 +35,29 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-#: A request must have come whole, and an answer be read on, within that.
+#: Timeout for receiving a whole request, and for progress in reading a response.
 PATIENCE_S: Final = 15.0
-#: A peer that reads nothing of what waits for it is cut off after that.
+#: A peer that does not read its pending data is disconnected after this time.
 STALLED_S: Final = 20.0
 HANDSHAKE_S: Final = 10.0
-#: Connections in the middle of a TLS handshake that may be open besides all others.
+#: Most connections during a TLS handshake, in addition to all others.
 HANDSHAKES: Final = 500
-#: Bytes that the system keeps of what is sent: what is newer is chosen when there is room again.
+#: Size of the system's send buffer: small, so that the newest data is chosen when there is space.
 UNSENT_BYTES: Final = 32 << 10
 _LOOK_S: Final = 1.0
 _SPARE_FILES: Final = 500
 
 
 class TooManyError(ConnectionError):
-    """There are as many connections as there may be, and none that can be dropped."""
+    """The table of connections is full, and none can be dropped."""
 
 
 class Connections:
     """
     All connections; for the event loop alone.
 
-    :param most: how many requests may be open at a time.
-    :ivar counts: those that were dropped, were too slow, did not read, were turned away.
+    :param most: most requests open at a time.
+    :ivar counts: connections that were dropped, too slow, did not read, or were refused.
     """
 
     def __init__(self, most: int) -> None:
@@ -69,14 +69,14 @@ class Connections:
 
     @property
     def open(self) -> int:  # noqa: A003
-        """Return how many there are without a WebSocket."""
+        """Return the number of connections without a WebSocket."""
         return len(self._open)
 
     def admit(self) -> None:
         """
-        Let a connection in that is not made yet.
+        Admit a connection that is not established yet.
 
-        :raises TooManyError: too many have not been made.
+        :raises TooManyError: too many are not established.
         """
         if self._handshakes >= HANDSHAKES:
             self.counts['turned_away'] += 1
@@ -84,36 +84,36 @@ class Connections:
         self._handshakes += 1
 
     def admitted(self) -> None:
-        """Note that one which was admitted is made, or never will be."""
+        """Register that an admitted connection is established, or has failed."""
         self._handshakes -= 1
 
     def made(self, one: HttpConnection) -> None:
-        """Take a new connection; when there are too many the idlest is dropped."""
+        """Add a connection; when there are too many the one idle for longest is dropped."""
         self._open.add(one)
         self.waits(one)
         if len(self._open) > self.most:
-            # Its own turn comes last: all others do something.
+            # The new one is last in order: it is dropped only if all others are active.
             self.counts['gave_way'] += 1
             self._drop(next(iter(self._idle)))
 
     def waits(self, one: HttpConnection) -> None:
-        """Note that the server waits for the peer."""
+        """Register that the server waits for the peer."""
         if one in self._open:
             one.since_s = asyncio.get_running_loop().time()
             self._idle.pop(one, None)
             self._idle[one] = None
 
     def works(self, one: HttpConnection) -> None:
-        """Note that the peer waits for the server."""
+        """Register that the peer waits for the server."""
         self._idle.pop(one, None)
 
     def gone(self, one: HttpConnection) -> None:
-        """Forget a connection."""
+        """Remove a connection."""
         self._open.discard(one)
         self._idle.pop(one, None)
 
     async def check_timeouts(self) -> None:
-        """Cut off those that are too slow, each second until cancelled."""
+        """Disconnect peers that are too slow, each second until cancelled."""
         while True:
             await asyncio.sleep(_LOOK_S)
             now = asyncio.get_running_loop().time()
@@ -138,7 +138,7 @@ class HttpConnection(H11Protocol):
         self._all.admit()
 
     def __del__(self) -> None:
-        """Count no more a handshake that came to nothing."""
+        """Remove a failed handshake from the count."""
         if getattr(self, '_is_admitted', False):
             self._all.admitted()
 
@@ -150,7 +150,7 @@ class HttpConnection(H11Protocol):
         self._all.made(self)
 
     def data_received(self, data: bytes) -> None:
-        """Take what came of a request; once it is whole the peer waits for us."""
+        """Receive data of a request; when it is complete the peer waits for the server."""
         super().data_received(data)
         if self.cycle is not None and not self.cycle.more_body:
             self._all.works(self)
@@ -164,7 +164,7 @@ class HttpConnection(H11Protocol):
             self._all.waits(self)
 
     def pause_writing(self) -> None:
-        """Wait until the peer reads."""
+        """Pause until the peer reads."""
         super().pause_writing()
         self._all.waits(self)
 
@@ -180,19 +180,19 @@ class HttpConnection(H11Protocol):
 
 
 class WebSockets(WebSocketsSansIOProtocol):
-    """A connection with a WebSocket; cut off when its peer reads nothing."""
+    """A connection with a WebSocket; closed when its peer reads nothing."""
 
     _stalled: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Keep little of what is sent, so that what is newer need not wait behind it."""
+        """Limit the send buffer, so that newer data need not wait behind old data."""
         super().connection_made(transport)
         found = transport.get_extra_info('socket')
         with suppress(AttributeError, OSError):
             found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
 
     def pause_writing(self) -> None:
-        """Wait for the peer, but not for ever."""
+        """Wait for the peer, with a time-out."""
         super().pause_writing()
         if self._stalled is None:
             self._stalled = self.loop.call_later(STALLED_S, self._cut_off)
@@ -220,13 +220,13 @@ class WebSockets(WebSocketsSansIOProtocol):
 
 
 class Config(uvicorn.Config):
-    """The configuration of a server whose connections are looked after."""
+    """The configuration of a server with limited connections."""
 
     def __init__(self, app: Any, all_: Connections, **options: Any) -> None:
         """
         Make it.
 
-        :param all_: its connections.
+        :param all_: the table of connections.
         :param options: of uvicorn.
         """
         super().__init__(app, http=HttpConnection, ws=WebSockets, **options)
@@ -234,7 +234,7 @@ class Config(uvicorn.Config):
 
 
 class Loop(asyncio.SelectorEventLoop):
-    """An event loop that waits shortly for the handshake of TLS."""
+    """An event loop with a short time-out of the TLS handshake."""
 
     async def create_server(self, *arguments: Any, **options: Any) -> asyncio.Server:
         """Listen, as every loop does."""
@@ -245,9 +245,9 @@ class Loop(asyncio.SelectorEventLoop):
 
 def allow_files(wanted: int) -> int:
     """
-    Let this process open as many files as its connections need, where the system allows it.
+    Raise the limit of open files to the need of the connections, if the system allows it.
 
-    :return: how many connections there may be.
+    :return: the most connections.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = wanted + HANDSHAKES + _SPARE_FILES

@@ -49,22 +49,22 @@ from rt_robot_os.settings.files import default_path
 if TYPE_CHECKING:
     from rt_robot_os.monitor.live.hub import Hub
 
-#: A robot of the same machine has another name.
+#: Name that differs from that of a robot of the same machine.
 NAMESPACE: Final = '/demo'
 ROBOT: Final = 'demo'
 _PATIENCE_S: Final = 10.0
-#: On a machine that is busy a program takes long to start.
+#: Long, since a program starts slowly on a busy machine.
 _ORDER_S: Final = 60.0
 
 
 class Companions(NamedTuple):
     """
-    What runs next to the server.
+    The processes next to the server.
 
-    :ivar name: of the robot, for people.
+    :ivar name: displayed name of the robot.
     :ivar ros: arguments of all of them, from ``--ros-args`` on.
-    :ivar robot: further ones of the robot alone.
-    :ivar node: of a robot that is there already, such as ``/robot``; empty for one of its own.
+    :ivar robot: further arguments of the robot only.
+    :ivar node: node of an existing robot, such as ``/robot``; empty to start one.
     """
 
     name: str
@@ -77,12 +77,12 @@ def demo() -> Companions:
     """Return the simulated flat."""
     return Companions(ROBOT, ('--ros-args', '-r', f'__ns:={NAMESPACE}', '--params-file',
                               str(default_path('assisted_living.yaml'))),
-                      # She falls when the story says so.
+                      # The story orders the fall.
                       robot=('-p', 'world.events:=[]'))
 
 
 def story_of(companions: Companions, hub: Hub) -> DemoStory | None:
-    """Return what happens in the simulated flat; None with a robot that is there already."""
+    """Return the story of the simulated flat; None with an existing robot."""
     if companions.node:
         return None
     return DemoStory(hub, companions.name, _order, lambda line: warn('monitor', line))
@@ -90,9 +90,9 @@ def story_of(companions: Companions, hub: Hub) -> DemoStory | None:
 
 def _order(what: str) -> None:
     """
-    Have something happen in the simulated flat.
+    Trigger an event in the simulated flat.
 
-    :raises OSError: it cannot.
+    :raises OSError: the simulator failed or did not answer.
     """
     try:
         done = subprocess.run(
@@ -107,9 +107,9 @@ def _order(what: str) -> None:
 
 def gateway_of(node: str, params_files: Iterable[Path]) -> Companions:
     """
-    Return the gateway of a robot that is there already.
+    Return the gateway of an existing robot.
 
-    :param params_files: with its section, if they have one.
+    :param params_files: parameter files, which may have its section.
     """
     return Companions(node.strip('/').replace('/', '.') or ROBOT, (
         '--ros-args', *(word for path in params_files for word in ('--params-file', str(path)))),
@@ -122,9 +122,9 @@ def running(companions: Companions, accounts: Accounts, folder: Path, url: str, 
     """
     Run processes next to a server.
 
-    :param folder: of the server; the token of the robot is kept there.
+    :param folder: of the server; the token of the robot is stored there.
     :param url: of the server, such as ``ws://127.0.0.1:8080``.
-    :param ca_file: whom the gateway believes the server's certificate.
+    :param ca_file: the authority that the gateway trusts for the server's certificate.
     :raises StartError: the token cannot be written.
     """
     name, ros, node, robot_only = companions
@@ -152,7 +152,7 @@ def running(companions: Companions, accounts: Accounts, folder: Path, url: str, 
 
 def token_file(accounts: Accounts, folder: Path, robot: str = ROBOT) -> Path:
     """
-    Return the file with the token of a robot, which is let in when it is new.
+    Return the file with the token of a robot; a new robot is added.
 
     :raises StartError: it cannot be written.
     """

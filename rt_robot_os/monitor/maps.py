@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The maps of robots, a file each: what a robot sent last, until it sends another."""
+"""The maps of robots, one file each: the last map that a robot sent."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from rt_robot_os.messages.uplink.maps import MapMessage
 
 class Maps:
     """
-    Maps of robots in a folder. For any thread; what it does blocks.
+    Maps of robots in a folder. Thread-safe; methods block.
 
-    :param folder: made when it is not there; readable by this user alone.
+    :param folder: created when missing; readable by this user only.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -48,9 +48,9 @@ class Maps:
 
     def put(self, robot: str, found: MapMessage) -> None:
         """
-        Store a map in the place of the one before.
+        Store a map, replacing the previous one.
 
-        :raises OSError: it cannot be written; the one before is unchanged.
+        :raises OSError: it cannot be written; the previous one is unchanged.
         """
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         path = self._path(robot)
@@ -64,13 +64,13 @@ class Maps:
         self._digests[robot] = found.sha256
 
     def get(self, robot: str) -> MapMessage | None:
-        """Return the stored map of a robot; None without one that is whole."""
+        """Return the stored map of a robot; None without a complete one."""
         try:
             return MapMessage.from_json(json.loads(self._path(robot).read_text(encoding='ascii')))
         except (OSError, ValueError, AttributeError):
             return None
 
     def _path(self, robot: str) -> Path:
-        # A robot's name is not to choose where something is written.
+        # A robot's name must not determine a path.
         name = hashlib.sha256(robot.encode(errors='surrogatepass')).hexdigest()
         return self._folder / f'{name}.json'

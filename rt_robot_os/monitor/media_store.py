@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Pictures, clips and sound of alarms as files: by robot and SHA-256, whole or not there.
+Pictures, clips and sound of alarms as files, by robot and SHA-256; files are always complete.
 
-A file grows as a ``.part`` while its parts come, on this connection of the robot or a later one.
-Its name it gets when its length and its hash are those that were promised and it is on the disk.
-A robot never reaches files of another one, not even by their hash. The folder has a limit: when it
-is full, the oldest file of the robot that has the most makes room.
+A file grows as a ``.part`` while its parts arrive, on one or several connections of the robot. It
+gets its name when its length and hash are as announced and it is on the disk. A robot never
+reaches files of another one, not even by their hash. When the folder is full, the oldest file of
+the robot with the most data is deleted.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from typing import NamedTuple
 
 from rt_robot_os.messages.uplink.frames import PART_BYTES
 
-#: What a file may be, by its first bytes; nothing else is kept, or ever served.
+#: Allowed types of files, by their first bytes; others are neither stored nor served.
 JPEG: Final = 'image/jpeg'
 AVI: Final = 'video/x-msvideo'
 WAVE: Final = 'audio/wav'
@@ -50,7 +50,7 @@ _BLOCK_BYTES: Final = 1 << 20
 
 class FileRefused(Exception):
     """
-    A file is not taken.
+    A file is refused.
 
     :ivar retry_s: when it may be offered again; 0: never.
     """
@@ -72,9 +72,9 @@ class MediaCounts:
     """
     The store in numbers.
 
-    :ivar made_room: files that were deleted because the folder was full.
-    :ivar expired: files that were deleted because they were too old.
-    :ivar refused: files that were not what was promised.
+    :ivar made_room: files deleted because the folder was full.
+    :ivar expired: files deleted because they were too old.
+    :ivar refused: files that were not as announced.
     """
 
     files: int
@@ -85,7 +85,7 @@ class MediaCounts:
 
 
 def type_of(head: bytes) -> str:
-    """Return the media type of a file by its first 12 bytes; empty for none that is kept."""
+    """Return the media type of a file by its first 12 bytes; empty for one that is not allowed."""
     if head[:3] == b'\xff\xd8\xff':
         return JPEG
     if head[:4] == b'RIFF':
@@ -97,9 +97,9 @@ class MediaStore:
     """
     A folder of files; its functions block, and any thread may call them.
 
-    :param folder: it is made with the first file, for its owner alone.
-    :param most_mb: so much is kept, in megabytes.
-    :param keep_days: after which they expire; 0: never.
+    :param folder: created with the first file, with access for its owner only.
+    :param most_mb: size limit in megabytes.
+    :param keep_days: days after which files expire; 0 for never.
     """
 
     def __init__(self, folder: Path, most_mb: float, keep_days: float = 0.0) -> None:
@@ -116,10 +116,10 @@ class MediaStore:
 
     def begin(self, robot: str, offered: Offered) -> int:
         """
-        Hear of a file.
+        Process the announcement of a file.
 
-        :return: how much of it is here already, in bytes; its size when all of it is.
-        :raises FileRefused: it is not wanted.
+        :return: the number of bytes that are stored already; its size when it is complete.
+        :raises FileRefused: it is refused.
         """
         _check(offered)
         with self._lock:
@@ -139,15 +139,15 @@ class MediaStore:
 
     def add(self, robot: str, offered: Offered, offset: int, data: bytes | memoryview) -> int:
         """
-        Take a part; with the last one the file is checked, and is there.
+        Store a part; after the last one the file is checked and made available.
 
-        :param offset: where it belongs; a part that was sent before is passed over.
-        :return: how much there is now; the next part has to begin there.
-        :raises FileRefused: it is not what was promised, or the disk takes nothing.
+        :param offset: its position; a part that was received before is ignored.
+        :return: the number of stored bytes, which is the offset of the next part.
+        :raises FileRefused: it is not as announced, or the disk is full or broken.
         """
         _check(offered)
         if len(data) > PART_BYTES:
-            raise FileRefused(f'a part of {len(data)} bytes; {PART_BYTES} are the most')
+            raise FileRefused(f'a part of {len(data)} bytes; at most {PART_BYTES}')
         with self._lock:
             try:
                 return self._add(self._path(robot, offered.sha256), offered, offset, data)
@@ -222,13 +222,13 @@ class MediaStore:
         del self._sizes[path]
 
     def _forget_parts(self, folder: Path) -> None:
-        """Let no robot begin any number of files and end none."""
+        """Limit the number of incomplete files of a robot."""
         parts = sorted(folder.glob(f'*{_PART}'), key=lambda path: path.stat().st_mtime)
         for part in parts[:max(0, len(parts) - _PARTS_MOST + 1)]:
             part.unlink(missing_ok=True)
 
     def expire(self, now_s: float | None = None) -> int:
-        """Delete what is too old; return how many files that were."""
+        """Delete expired files; return their number."""
         if not self._keep_s:
             return 0
         before = (time.time() if now_s is None else now_s) - self._keep_s
@@ -249,7 +249,7 @@ class MediaStore:
             return True
 
     def find(self, robot: str, sha256: str) -> tuple[Path, str] | None:
-        """Return where a whole file is, and its media type; None when it is not here."""
+        """Return the path of a complete file and its media type; None when it is missing."""
         if not _SHA.fullmatch(sha256):
             return None
         with self._lock:
@@ -263,11 +263,11 @@ class MediaStore:
                 return None
 
     def has(self, robot: str, sha256: str) -> bool:
-        """Return whether a file is here, whole."""
+        """Return whether a complete file is stored."""
         return bool(_SHA.fullmatch(sha256)) and self._path(robot, sha256) in self._sizes
 
     def counts(self) -> MediaCounts:
-        """Return it in numbers."""
+        """Return the counters."""
         with self._lock:
             return MediaCounts(len(self._sizes), sum(size for _, size in self._sizes.values()),
                                self._made_room, self._expired, self._refused)

@@ -14,11 +14,11 @@
 
 
 """
-The files of the page, from memory: packed once, with a tag of their content.
+The files of the page, served from memory: compressed once, with an ETag of their content.
 
-Under ``/v/HASH/``, to which ``/`` leads, a browser keeps them for ever: another release has
-another hash. By their plain names they are asked for each time, and answered in a few bytes when
-they are the same.
+Under ``/v/HASH/``, to which ``/`` leads, a browser caches them for ever: another release has
+another hash. Under their plain names they are revalidated each time, with a short answer when they
+are unchanged.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from starlette.types import Scope
 from starlette.types import Send
 
 _INDEX: Final = 'index.html'
-#: Types for editors and tsc; no browser wants them.
+#: Types for editors and tsc, which browsers do not use.
 _TYPES_ENDING: Final = '.d.ts'
 _VERSIONED: Final = 'v'
 _TYPES: Final = {'.js': 'text/javascript', '.json': 'application/json', '.svg': 'image/svg+xml',
                  '.css': 'text/css', '.html': 'text/html'}
 _FOR_EVER: Final = 'public, max-age=31536000, immutable'
-#: Kept, but asked for whether it is still the same.
+#: Cached, but revalidated each time.
 _ASKED_FOR: Final = 'no-cache'
-#: What is smaller is not worth it.
+#: Smaller files are not compressed.
 _PACKED_BYTES: Final = 200
 
 
@@ -54,7 +54,7 @@ class PageFile(NamedTuple):
     """
     A file of the page.
 
-    :ivar packed: by gzip; empty when that is no shorter.
+    :ivar packed: compressed by gzip; empty when that is not shorter.
     """
 
     type: str  # noqa: A003
@@ -83,7 +83,7 @@ class PageFiles:
         self._files = {name: _page_file(name, content) for name, content in contents.items()}
 
     def _led_on(self, index: bytes) -> bytes:
-        """Have all that the first file names be of this version."""
+        """Make all references in the first file point to this version."""
         for attribute in (b'href="', b'src="'):
             index = index.replace(attribute, attribute + f'{_VERSIONED}/{self.version}/'.encode())
         return index
@@ -111,12 +111,12 @@ class PageFiles:
         return Response(body, headers=headers, media_type=found.type)
 
     def _named(self, path: str) -> tuple[str, bool]:
-        """Return which file is meant, and whether it may be kept for ever."""
+        """Return the requested file, and whether it may be cached for ever."""
         head, _, rest = path.partition('/')
         if head != _VERSIONED:
             return path or _INDEX, False
         version, _, name = rest.partition('/')
-        # A page that was opened before an update gets what there is now.
+        # A page opened before an update gets the present file.
         return name, version == self.version
 
 

@@ -15,7 +15,7 @@
 """
 The program `monitor`: the server of the remote monitor, with its page.
 
-Robots call it (the program `gateway`), people open it in a browser.
+Robots connect to it with the program `gateway`, people open it in a browser.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs the application: its parts, the socket it listens on, until a signal ends it."""
+"""Runs the application with its parts and its listening socket until a signal ends it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ import uvicorn
 _BACKLOG = 512
 _EVERYWHERE = ('0.0.0.0', '::')
 SWITCH_S = 0.001
-#: Of the default database, in the folder.
+#: Name of the default database in the folder.
 DATABASE = 'monitor.db'
 
 
@@ -80,10 +80,10 @@ def make_services(settings: MonitorSettings) -> Services:
 
 def serve(settings: MonitorSettings, companions: Companions | None = None) -> None:
     """
-    Serve until a signal ends it.
+    Serve until a signal ends the process.
 
     :param companions: processes next to it.
-    :raises StartError: it cannot.
+    :raises StartError: it cannot start.
     """
     services = make_services(settings)
     server = make_server(services)
@@ -91,7 +91,7 @@ def serve(settings: MonitorSettings, companions: Companions | None = None) -> No
 
     def end(number: int, frame: FrameType | None) -> None:
         server.should_exit = True
-    # Also of before it serves, and of after: it raises what has ended it once more.
+    # Also for signals before and after serving: uvicorn raises the signal again at its end.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)
     print(f'monitor: {address(settings, listening)}', file=sys.stderr, flush=True)
@@ -99,7 +99,7 @@ def serve(settings: MonitorSettings, companions: Companions | None = None) -> No
     if link is not None:
         print(f'monitor: nobody has an account yet; open this once to make the first:\n  {link}',
               file=sys.stderr, flush=True)
-    # The thread that writes to the database lets the loop in sooner than after 5 ms.
+    # The thread that writes to the database releases the GIL to the loop earlier than after 5 ms.
     sys.setswitchinterval(SWITCH_S)
     with ExitStack() as stack:
         if companions is not None:
@@ -113,10 +113,10 @@ def serve(settings: MonitorSettings, companions: Companions | None = None) -> No
 
 def address(settings: MonitorSettings, listening: socket.socket, own: str = '') -> str:
     """
-    Return what is typed into a browser.
+    Return the URL to open in a browser.
 
-    :param own: what to call this machine when it listens on all addresses; when absent the first
-        name of the certificate, since that of all addresses is none that can be opened.
+    :param own: name of this machine when it listens on all addresses; by default the first name of
+        the certificate, since the wildcard address cannot be opened.
     """
     scheme = 'https' if settings.has_tls else 'http'
     name = settings.host
@@ -127,7 +127,7 @@ def address(settings: MonitorSettings, listening: socket.socket, own: str = '') 
 
 
 def _authority(settings: MonitorSettings) -> str:
-    """Return the file of the local authority that has signed the certificate, if it is there."""
+    """Return the file of the local authority that signed the certificate, if it exists."""
     found = Path(settings.certificate).with_name(CA_FILE) if settings.has_tls else Path()
     return str(found) if found.is_file() else ''
 
@@ -136,7 +136,7 @@ def make_server(services: Services) -> uvicorn.Server:
     """Make the server of an application; ``server.run([listen(settings)])`` runs it."""
     settings = services.settings
     services.connections = Connections(allow_files(settings.connections))
-    # Compressed frames would cost each client its own, and most of the processor.
+    # Frames are not compressed: that would be done for each client, and take most of the CPU.
     return uvicorn.Server(Config(
         create_app(services), services.connections, loop=f'{Loop.__module__}:{Loop.__name__}',
         log_level='warning', access_log=False, server_header=False, ws_per_message_deflate=False,
@@ -149,7 +149,7 @@ def listen(settings: MonitorSettings) -> socket.socket:
     """
     Open the socket.
 
-    :raises StartError: the port is taken or the address is not ours.
+    :raises StartError: the port is in use or the address is not one of this machine.
     """
     try:
         family = socket.getaddrinfo(settings.host, settings.listens_on,
@@ -158,10 +158,10 @@ def listen(settings: MonitorSettings) -> socket.socket:
             found = stack.enter_context(socket.socket(family[0], family[1]))
             found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             found.bind(family[4])
-            found.listen(_BACKLOG)  # who comes before it serves waits, and is not refused
+            found.listen(_BACKLOG)  # earlier clients wait, and are not refused
             stack.pop_all()
             return found
     except OSError as error:
         raise StartError(f'host {settings.host}, port {settings.listens_on}: {error.strerror}; '
-                         'another program may listen there: choose another with --port'
+                         'another program may listen there: choose another port with --port'
                          ) from error

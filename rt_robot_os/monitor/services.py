@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the parts of the server use of each other; made once, handed to each router."""
+"""The dependencies between parts of the server; made once, passed to each router."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ class Services:
 
     :ivar store: the database; its functions block, and are for threads.
     :ivar writer: ``await writer.put(robot, boot, records)`` returns when they are on the disk.
-    :ivar hub: what is live; for the event loop alone.
+    :ivar hub: live data; for the event loop alone.
     :ivar accounts: users, sessions, robots' tokens.
     :ivar audit: ``audit.note(actor, action, object, **details)``; ``audit.note_soon`` does not
         wait for the disk.
-    :ivar maps: of robots.
-    :ivar connections: all of them; None where something else than our server runs the app.
-    :ivar media: pictures and files; None without.
-    :ivar story: what happens in the simulated flat of a demonstration; None without one.
-    :ivar other_server: what is wrong where another server took the database; else empty.
+    :ivar maps: maps of robots.
+    :ivar connections: all connections; None when another server runs the app.
+    :ivar media: pictures and files; None without a store.
+    :ivar story: the story of a demonstration; None without one.
+    :ivar other_server: the error when another server took the database; else empty.
     """
 
     settings: MonitorSettings

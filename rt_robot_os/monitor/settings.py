@@ -46,7 +46,7 @@ class MonitorSettings:
     """
     The settings of the server.
 
-    :ivar where: the folder, as a path; made by :func:`load`.
+    :ivar where: path of the folder; set by :func:`load`.
     """
 
     host: str = setting('127.0.0.1', 'Address it listens on; any but loopback needs TLS')
@@ -57,34 +57,34 @@ class MonitorSettings:
                           '$ROS_HOME or ~/.ros')
     certificate: str = setting('', 'Certificate of the server, PEM')
     key: str = setting('', 'Its private key, PEM')
-    connections: int = setting(1000, 'Connections at a time; the idlest that has asked for '
-                               'nothing yet is dropped for a new one', '', 10, 100000)
+    connections: int = setting(1000, 'Connections at a time; the one idle for longest without '
+                               'a pending request is dropped for a new one', '', 10, 100000)
     clients: int = setting(200, 'Browsers with live data at a time', '', 1, 10000)
     robots: int = setting(200, 'Robots at a time', '', 1, 10000)
-    heartbeat_s: float = setting(2.0, 'A robot that sends nothing for three times as long is '
+    heartbeat_s: float = setting(2.0, 'A robot that sends nothing for three times this period is '
                                  'shown as silent', 's', 0.2, 600.0)
     command_s: float = setting(8.0, 'How long a command may wait for the answer of the robot',
                                's', 0.5, 60.0)
-    media_mb: float = setting(10_000.0, 'Pictures and clips of alarms that are kept; beyond that '
-                              'the oldest of the robot with the most make room', 'MB', 1.0, 1e7)
-    media_days: float = setting(0.0, 'How long they are kept; 0 for ever', 'd', 0.0, 36500.0)
-    raw_days: float = setting(30.0, 'How long observations and places of people are kept as they '
-                              'came; 0 for ever', 'd', 0.0, 36500.0)
+    media_mb: float = setting(10_000.0, 'Stored pictures and clips of alarms; beyond that '
+                              'the oldest of the robot with the most are deleted', 'MB', 1.0, 1e7)
+    media_days: float = setting(0.0, 'How long these are stored; 0 for ever', 'd', 0.0, 36500.0)
+    raw_days: float = setting(30.0, 'How long observations and places of people are stored '
+                              'unmodified; 0 for ever', 'd', 0.0, 36500.0)
     minutes_days: float = setting(400.0, 'How long their lowest, mean and highest value of each '
-                                  'minute are kept; those of hours are for ever', 'd', 0.0,
+                                  'minute are stored; those of hours are for ever', 'd', 0.0,
                                   36500.0)
-    network_days: float = setting(90.0, 'How long batteries and losses of nodes are kept, and '
-                                  'records that made no sense', 'd', 0.0, 36500.0)
+    network_days: float = setting(90.0, 'How long batteries and losses of nodes are stored, and '
+                                  'invalid records', 'd', 0.0, 36500.0)
     where: Path = field(default=Path())
 
     @property
     def has_tls(self) -> bool:
-        """Return whether it speaks TLS."""
+        """Return whether it uses TLS."""
         return bool(self.certificate)
 
     @property
     def listens_on(self) -> int:
-        """Return the port, chosen when none was given."""
+        """Return the port; a default is chosen when none was given."""
         if self.port >= 0:
             return self.port
         return TLS_PORT if self.has_tls else PLAIN_PORT
@@ -96,13 +96,13 @@ def load(paths: Sequence[Path], overrides: Mapping[str, Any], options: Mapping[s
     """
     Read the parameter files; opens nothing.
 
-    :param overrides: of ``--ros-args -p``; they win over the files.
-    :param options: of the command line; they win over both.
-    :param home: where the folder is when none is given.
-    :param is_needed: False for files of the robot, which may say nothing of the monitor.
+    :param overrides: of ``--ros-args -p``; they override the files.
+    :param options: of the command line; they override both.
+    :param home: parent of the folder when none is given.
+    :param is_needed: False for files of the robot, which need no section for the monitor.
     :raises ConfigError: with one line for each problem.
     """
-    # Late: `--help` needs none of it.
+    # Imported late: `--help` does not need it.
     from rt_robot_os.settings.program_settings import read_values
     values = read_values(MonitorSettings, paths, {**overrides, **options}, node, namespace,
                          is_needed=is_needed)

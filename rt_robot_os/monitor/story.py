@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-What happens in the flat of ``monitor --demo``: anna falls, by the clock on the wall.
+The story of ``monitor --demo``: Anna falls, in real time.
 
-The simulated world goes by the robot's own time, which a busy machine slows down. So the story
-begins when the robot is ready and a page is open, says on the console and on the page when she
-will fall, and orders the fall then. Where nothing notices it, because samples came too late, she
-gets up and falls once more.
+The simulated world runs in the robot's own time, which a busy machine slows down. So the story
+begins when the robot is ready and a page is open, announces the fall on the console and on the
+page, and then orders it. If the fall is not detected, because samples came too late, she gets up
+and falls once more.
 """
 
 from __future__ import annotations
@@ -38,28 +38,28 @@ if TYPE_CHECKING:
     from rt_robot_os.monitor.live.robot_state import RobotState
 
 PERSON: Final = 'anna'
-#: From a robot that is ready and a page that is open to the fall.
+#: Time from a ready robot and an open page to the fall.
 FALLS_AFTER_S: Final = 40.0
 #: Without a page it begins this long after the robot is ready.
 NO_PAGE_S: Final = 120.0
-#: A fall that was not noticed within this time is repeated.
+#: A fall that was not detected within this time is repeated.
 NOTICED_S: Final = 45.0
 FALLS_MOST: Final = 5
 _LOOK_S: Final = 0.5
-#: Signals of a robot that is ready.
+#: Signals that show that a robot is ready.
 _READY: Final = ('pose', 'agent/state')
 
 
 class DemoStory:
     """
-    Order what happens, and say it; for the event loop alone.
+    Orders and announces the events; for the event loop alone.
 
     :param robot: the name of the robot.
-    :param order: has something happen to the world, such as ``fall anna``; it may block, and
-        raises OSError when the world takes no orders.
-    :param say: takes a line for the console.
+    :param order: triggers an event in the simulated world, such as ``fall anna``; it may block,
+        and raises OSError when the world accepts none.
+    :param say: prints a line on the console.
     :param clock_s: monotonic.
-    :ivar falls: that were ordered.
+    :ivar falls: ordered falls.
     """
 
     def __init__(self, hub: Hub, robot: str, order: Callable[[str], None],
@@ -83,7 +83,7 @@ class DemoStory:
             await asyncio.sleep(_LOOK_S)
 
     async def look(self) -> None:
-        """Do what is due."""
+        """Do the next due step."""
         robot = next((each for each in self._hub.robots.values() if each.name == self._name
                       and each.connected), None)
         if robot is None or self._is_over:
@@ -120,7 +120,7 @@ class DemoStory:
         self._say(f'demo: {PERSON} has fallen; the robot notices it within some seconds')
 
     async def _await_notice(self, robot: RobotState, now_s: float) -> None:
-        # The clock of a robot may be behind ours by a little.
+        # The clock of a robot may be slightly behind the server's.
         if any(each.get('subject') == PERSON and 'fall' in each.get('kinds', ())
                and each['opened_ns'] >= self._fell_ns - NS_PER_S
                for each in robot.alarms.values()):
@@ -140,7 +140,7 @@ class DemoStory:
                 self._plan(self._clock_s())
 
     async def _ordered(self, what: str) -> bool:
-        """Return whether the world has done it; else the story ends."""
+        """Return whether the order succeeded; otherwise the story ends."""
         try:
             await asyncio.to_thread(self._order, f'{what} {PERSON}')
         except OSError as error:
@@ -150,7 +150,7 @@ class DemoStory:
         return True
 
     def _show(self, robot: RobotState) -> None:
-        """Have the pages say what will happen; a hello of the robot has made it forgotten."""
+        """Announce the fall on the pages again, since a hello of the robot has cleared it."""
         if robot.about.get('story') != self._about:
             robot.about = {**robot.about, 'story': self._about}
             self._hub.tell_robot(robot)

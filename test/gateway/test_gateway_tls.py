@@ -105,7 +105,7 @@ def test_a_wrong_token_is_told_and_a_right_one_is_taken_without_a_restart(
         core: Any, tmp_path: Path, gateway: Any, impatient: Any) -> None:
     said: list[str] = []
     with serving(FakeServer(token='another-token-of-a-robot')) as server:
-        line = told(core, gateway, said, 'does not take the token', url=server.url)
+        line = told(core, gateway, said, 'does not accept the token', url=server.url)
         assert 'monitor robot add' in line and str(tmp_path / 'token') in line
         assert all('token' not in path for path in server.paths)
         with gateway(core, said, url=server.url) as made:

@@ -91,7 +91,7 @@ def test_a_turn_that_does_not_come_is_given_up_and_passes_nobody_over() -> None:
     turns = Turns()
     with turns.turn():
         for _ in range(2):
-            with pytest.raises(StoreError, match='others have been writing'), turns.turn(0.001):
+            with pytest.raises(StoreError, match='threads have been writing'), turns.turn(0.001):
                 pass
     for _ in range(2):
         with turns.turn(0.001):

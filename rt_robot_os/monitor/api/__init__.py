@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The REST interface: a module each subject, with ``router(services)``."""
+"""The REST interface: one module for each subject, with ``router(services)``."""

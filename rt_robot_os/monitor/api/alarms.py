@@ -38,7 +38,7 @@ from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
 
 TIME_MOST = (1 << 63) - 1
-#: For this long its author can withdraw a note.
+#: How long the author of a note can withdraw it.
 WITHDRAW_S = 60.0
 Time = Annotated[int, Query(ge=0, le=TIME_MOST)]
 
@@ -64,7 +64,7 @@ def router(services: Services) -> APIRouter:
     def alarms(robot: str | None = None, is_open: Annotated[bool | None, Query(alias='open')]
                = None, since_ns: Time = 0, limit: Annotated[int, Query(ge=1, le=1000)] = 200,
                actor: Actor = Depends(allowed(Permission.SEE))) -> list[dict[str, Any]]:
-        """Return alarms, those that changed last first."""
+        """Return alarms, the most recently changed first."""
         try:
             rows = services.store.alarms(people=actor.people, robot=robot, is_open=is_open,
                                          since_ns=since_ns, limit=limit)
@@ -88,7 +88,7 @@ def router(services: Services) -> APIRouter:
     @found.post('/{robot}/{alarm:path}/notes', status_code=201, response_model=NoteAdded)
     def note(robot: str, alarm: str, note: NoteRequest,
              actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, Any]:
-        """Note something about an alarm; it is stored when this answers with its ``id``."""
+        """Add a note about an alarm; it is stored when this answers with its ``id``."""
         try:
             if seen(actor, services.store.alarm(robot, alarm)) is None:
                 raise unknown('alarm')
@@ -103,7 +103,7 @@ def router(services: Services) -> APIRouter:
     @found.delete('/{robot}/{alarm:path}/notes/{note}', response_model=Done)
     def withdraw(robot: str, alarm: str, note: Annotated[int, Path(ge=0, le=TIME_MOST)],
                  actor: Actor = Depends(allowed(Permission.ACKNOWLEDGE))) -> dict[str, bool]:
-        """Withdraw a note of one's own within a minute; the audit has that it was there."""
+        """Withdraw one's own note within a minute; the audit records this."""
         try:
             if seen(actor, services.store.alarm(robot, alarm)) is None:
                 raise unknown('alarm')

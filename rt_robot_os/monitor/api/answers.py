@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The answers of the REST interface that are errors: always a text and what helps."""
+"""The error responses of the REST interface: always a text and a remedy."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from rt_robot_os.base.errors import StoreError
 
 def refusal(status: int, text: str, remedy: str) -> HTTPException:
     """
-    Make the answer to a request that cannot be served.
+    Make the response to a request that cannot be served.
 
-    :param text: what is wrong.
-    :param remedy: what helps.
+    :param text: the error.
+    :param remedy: advice for the user.
     """
     return HTTPException(status, {'text': text, 'remedy': remedy})
 
 
 def unknown(what: str) -> HTTPException:
     """
-    Make the answer for what does not exist, or not for this user.
+    Make the response for an object that does not exist or is not visible to the user.
 
-    The two are answered alike, so that a user learns nothing of what they may not see.
+    Both cases get the same response, so that a user learns nothing about hidden objects.
     """
     return refusal(404, f'there is no such {what}', 'look at the list of those that you may see')
 
 
 def away(error: StoreError) -> HTTPException:
-    """Make the answer for a database that is not available now."""
+    """Make the response for an unavailable database."""
     return refusal(503, f'the database cannot be used now: {error}',
                    'try again in a moment; what is live goes on')

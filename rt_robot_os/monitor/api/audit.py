@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The audit: to read it, to check its chain, and to take it away."""
+"""The audit: reading it, checking its chain, and exporting it."""
 
 from __future__ import annotations
 

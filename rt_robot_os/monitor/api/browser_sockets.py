@@ -29,7 +29,7 @@ from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.security.guard import websocket_actor
 from rt_robot_os.monitor.services import Services
 
-#: Pages that may watch cameras.
+#: Most pages that watch cameras.
 VIEWERS_MOST: Final = 200
 
 

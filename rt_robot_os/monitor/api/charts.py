@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Charts of people's signs: lowest, mean and highest value a pixel."""
+"""Charts of people's signs: lowest, mean and highest value per pixel."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ def router(services: Services) -> APIRouter:
               pixels: Annotated[int, Query(ge=1, le=PIXELS_MOST)] = 1000,
               actor: Actor = Depends(allowed(Permission.HEALTH))) -> dict[str, Any]:
         """
-        Return what a sign was like: parallel lists, an entry for each span that has values.
+        Return a chart of a sign: parallel lists, with an entry for each span that has values.
 
-        ``start`` and ``end`` are UTC in ns. ``bucket_ns`` is what an entry spans, ``bad`` when
-        there was no good value and why (of at most two days), ``alarms`` those about the person
-        that were open in it.
+        ``start`` and ``end`` are UTC in ns. ``bucket_ns`` is the span of an entry, ``bad`` lists
+        ranges without a good value and the reason (for at most two days), ``alarms`` those about
+        the person that were open in this time.
         """
         if not actor.may_see(person):
             raise unknown('person')

@@ -45,31 +45,31 @@ from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
 
 TEXT_CHARACTERS: Final = 400
-#: That the robot keeps of why.
+#: Longest reason that the robot stores.
 REASON_CHARACTERS: Final = 120
-#: Answers that are kept for requests that are repeated.
+#: Answers that are stored for repeated requests.
 KEPT: Final = 1000
 _OF_AN_ALARM: Final = frozenset({ACKNOWLEDGE, RESOLVE, CANCEL, CONFIRM, NOTE, 'escalate'})
-#: Metres; further than any building.
+#: Limit of coordinates in m; larger than any building.
 _FAR_M: Final = 10_000.0
 
-#: What each command takes; more than one permission: any of them will do.
+#: Permissions of each command, any of which suffices.
 NEEDS: Final[dict[str, tuple[Permission, ...]]] = {
     'alarm': (Permission.ACKNOWLEDGE,), 'stop': (Permission.ACKNOWLEDGE, Permission.DRIVE),
     'release': (Permission.DRIVE,), 'goal': (Permission.DRIVE,), 'cancel': (Permission.DRIVE,),
     'agent': (Permission.DRIVE,), 'answer': (Permission.TALK,), 'say': (Permission.TALK,),
     'snapshot': (Permission.CAMERA,)}
-#: What a locked session may still do (decision 100): a stop leaves a robot at rest, no matter who
-#: commands it; all else is done in a user's name, and needs the password.
+#: Commands of a locked session (decision 100): a stop leaves a robot at rest, whoever sends it;
+#: all others are done in a user's name, and need the password.
 WHEN_LOCKED: Final = frozenset({'stop'})
 
 
 class CommandRequest(BaseModel):
     """
-    What a robot is to do.
+    A command to a robot.
 
-    ``key`` is any text of yours: a command that comes again with the same key is not done again,
-    and gets the same answer.
+    ``key`` is any string: a command that is repeated with the same key is not executed again, and
+    gets the same answer.
     """
 
     do: Literal['alarm', 'goal', 'cancel', 'stop', 'release', 'agent', 'answer', 'snapshot', 'say']
@@ -78,7 +78,7 @@ class CommandRequest(BaseModel):
 
 
 class CommandResponse(BaseModel):
-    """What the robot said to it; ``codes`` has the code of its text, if it has one."""
+    """The robot's answer; ``codes`` has the code of its text, if it has one."""
 
     ok: bool
     text: str
@@ -89,7 +89,7 @@ class CommandService:
     """
     The commands of a server.
 
-    :ivar answers: to those that had a key, by who and which robot.
+    :ivar answers: answers to commands with a key, by user and robot.
     """
 
     def __init__(self, services: Services) -> None:
@@ -98,7 +98,7 @@ class CommandService:
             OrderedDict())
 
     async def do(self, actor: Actor, robot: str, command: CommandRequest) -> CommandResponse:
-        """Do a command, or give the answer of the same one that came before."""
+        """Execute a command, or return the stored answer to the same one."""
         hub = self._services.hub
         if not hub.may_see_robot(actor, robot):
             raise unknown('robot')
@@ -121,7 +121,7 @@ class CommandService:
 
     async def _done(self, actor: Actor, robot: RobotState, do: str, args: dict[str, Any]
                     ) -> CommandResponse:
-        # Noted in parallel, not before: the audit must not delay a stop.
+        # Written in parallel, not before: the audit must not delay a stop.
         note = self._services.audit.note_soon
         locked = {'locked': True} if actor.locked else {}
         note(actor, f'command.{do}', robot.id, **locked, **{
@@ -152,7 +152,7 @@ class CommandService:
         return {}
 
     def _alarm_text(self, actor: Actor, robot: RobotState, args: dict[str, Any]) -> str:
-        """Return the command in words; who says it is always who is logged in."""
+        """Return the command in words; its author is always the logged-in user."""
         verb, reason = args.get('verb'), _text(args, 'reason', '', REASON_CHARACTERS)
         by = '_'.join(actor.name.split())
         if verb in (TEST, SILENCE):
@@ -175,7 +175,7 @@ def router(services: Services) -> APIRouter:
     @found.post('/robots/{robot}/commands', response_model_exclude_unset=True)
     async def command(robot: str, command: CommandRequest,
                       actor: Actor = Depends(allowed(Permission.SEE))) -> CommandResponse:
-        """Have a robot do something; ``ok`` is false when the robot refuses."""
+        """Send a command to a robot; ``ok`` is false when the robot refuses."""
         return await commands.do(actor, robot, command)
 
     return found
@@ -183,7 +183,7 @@ def router(services: Services) -> APIRouter:
 
 def _text(args: dict[str, Any], key: str, default: str | None = None,
           most: int = TEXT_CHARACTERS) -> str:
-    """Return a text of one line."""
+    """Return a string of one line."""
     value = args.get(key, default)
     found = ' '.join(''.join(each if each.isprintable() else ' ' for each in value).split()
                      ) if isinstance(value, str) and len(value) <= most else ''

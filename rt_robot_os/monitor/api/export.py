@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Observations to take away, as CSV and as a bundle of FHIR R4; each export is in the audit."""
+"""Export of observations as CSV and as a FHIR R4 bundle; each export is in the audit."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from rt_robot_os.monitor.store.export import as_fhir
 from rt_robot_os.monitor.store.export import Clean
 from rt_robot_os.monitor.store.export import rows
 
-#: At the same time: each takes a thread and a part of a core.
+#: Most concurrent exports: each takes a thread and a part of a CPU.
 EXPORTS_MOST: Final = 2
 Sign = Annotated[str | None, Query(max_length=100)]
 
@@ -55,11 +55,11 @@ def router(services: Services) -> APIRouter:
 
     def begin(actor: Actor, person: str, how: str, sign: str | None, start: int, end: int
               ) -> Clean:
-        """Note it, and return what hides other people's names."""
+        """Write it to the audit, and return a function that hides other people's names."""
         if not actor.may_see(person):
             raise unknown('person')
         try:
-            # What cannot be noted must not be read.
+            # Without the row in the audit the data must not be read.
             services.audit.read(actor, 'health.read', person, sign=sign or 'all')
             everybody = frozenset(each['person'] for each in services.store.people())
         except StoreError as error:
@@ -89,7 +89,7 @@ def router(services: Services) -> APIRouter:
     @found.get('/{person:path}/export.json')
     def export_fhir(person: str, sign: Sign = None, start: Time = 0, end: Time = TIME_MOST,
                     actor: Actor = Depends(allowed(Permission.HEALTH))) -> StreamingResponse:
-        """Return observations as a bundle of FHIR R4; ``start`` and ``end`` are UTC in ns."""
+        """Return observations as a FHIR R4 bundle; ``start`` and ``end`` are UTC in ns."""
         clean = begin(actor, person, 'fhir', sign, start, end)
         found_rows = rows(services.store, person, sign, start, end)
         return answer(as_fhir(person, found_rows, services.store.now_ns(), clean),
@@ -99,7 +99,7 @@ def router(services: Services) -> APIRouter:
 
 
 class _Export(Iterator[str]):
-    """Parts of an export; gives its place back when it ends or is forgotten."""
+    """Parts of an export; it releases its slot when it ends or is discarded."""
 
     def __init__(self, parts: Iterator[str], free: threading.BoundedSemaphore) -> None:
         self._parts = parts
@@ -113,7 +113,7 @@ class _Export(Iterator[str]):
             raise
 
     def __del__(self) -> None:
-        # Not a generator's finally: one that was never begun runs none.
+        # Not in a generator's finally, which does not run if the generator was never started.
         self._end()
 
     def _end(self) -> None:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The maps of robots, as pages draw them."""
+"""The maps of robots for pages."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def router(services: Services) -> APIRouter:
         """
         Return the map of a robot.
 
-        ``cells`` is base64 of zlib of a byte a cell, row by row from the lower left: 0 free to 100
-        occupied, 255 unknown. ``origin`` is x and y in m and the yaw in rad of the outer corner of
-        the first cell.
+        ``cells`` is base64 of zlib of one byte per cell, row by row from the lower left: 0 free to
+        100 occupied, 255 unknown. ``origin`` is x and y in m and the yaw in rad of the outer
+        corner of the first cell.
         """
         if not services.hub.may_see_robot(actor, robot):
             raise unknown('robot')

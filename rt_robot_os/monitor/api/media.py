@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pictures, clips and sound of alarms: which there are, and their bytes."""
+"""Pictures, clips and sound of alarms: the list, and their bytes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from rt_robot_os.monitor.security.guard import allowed
 from rt_robot_os.monitor.security.guard import Permission
 from rt_robot_os.monitor.services import Services
 
-#: The browser may show it, and nothing in it may run, load or be guessed at; no copy stays.
+#: The browser may show it, but not run, load or sniff anything in it, nor store a copy.
 _HEADERS = {'Cache-Control': 'private, no-store', 'X-Content-Type-Options': 'nosniff',
             'Content-Security-Policy': "default-src 'none'; sandbox",
             'Cross-Origin-Resource-Policy': 'same-origin'}
@@ -57,7 +57,7 @@ def router(services: Services) -> APIRouter:
     def media(robot: str | None = None, alarm: str | None = None,
               limit: Annotated[int, Query(ge=1, le=500)] = 100,
               actor: Actor = Depends(allowed(Permission.CAMERA))) -> list[dict[str, Any]]:
-        """Return what there is, the newest first; ``here`` is whether its bytes have come."""
+        """Return the list, the newest first; ``here``: the bytes have been received."""
         try:
             rows = services.store.media_list(robot, alarm, limit)
         except StoreError as error:
@@ -68,7 +68,7 @@ def router(services: Services) -> APIRouter:
 
     @found.get('/{number}', response_class=FileResponse)
     def one(number: int, actor: Actor = Depends(allowed(Permission.CAMERA))) -> FileResponse:
-        """Return the bytes of one; ranges are served. In the audit."""
+        """Return the bytes of one, also ranges; recorded in the audit."""
         try:
             row = services.store.media(number) if 0 <= number < 1 << 62 else None
         except StoreError as error:
@@ -93,8 +93,8 @@ def may_see(actor: Actor, robot: RobotState | None, subject: str) -> bool:
     """
     Return whether a user may see a picture.
 
-    :param subject: the person that its alarm is about, and whom it shows; a picture of another
-        alarm, such as of smoke, shows anyone who is there.
+    :param subject: the person that its alarm is about, whom it shows; a picture of another alarm,
+        such as of smoke, may show any resident.
     """
     if actor.people is None:
         return True

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Observations of people, a page at a time; who has read them is in the audit."""
+"""Observations of people, a page at a time; the audit records who has read them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def router(services: Services) -> APIRouter:
         """
         Return observations in order of time.
 
-        For the next page ask with ``after_ns`` and ``after_id``: ``t_ns`` and ``id`` of the last.
+        For the next page set ``after_ns`` and ``after_id`` to ``t_ns`` and ``id`` of the last one.
         """
         if not actor.may_see(person):
             raise unknown('person')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who lives with which robot: an administrator sees what robots suggest, and confirms it."""
+"""The residents of robots: administrators see the suggestions of robots, and confirm them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def router(services: Services) -> APIRouter:
     @found.put('/{robot}', response_model=ConfirmedPeople)
     def confirm(robot: str, form: Confirmed,
                 actor: Actor = Depends(allowed(Permission.ADMIN))) -> dict[str, Any]:
-        """Set who lives with a robot, in place of whom was set before."""
+        """Set the residents of a robot; they replace the previous ones."""
         try:
             household = accounts.residents.confirm(robot, form.people, actor.name)
         except AccountError as error:
@@ -68,7 +68,7 @@ def router(services: Services) -> APIRouter:
             raise away(error) from error
         people = sorted(household.people or ())
         accounts.audit.note(actor, 'robot.residents', robot, people=people)
-        # Pages are notified now, and records that were set aside are filed within a second.
+        # Pages are notified now, and records stored aside are filed within a second.
         accounts.soon(apply, services.hub, accounts.residents.all())
         services.store.file_confirmed()
         return {'people': people}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Robots and people: who there is, as far as one may see them."""
+"""Robots and people that the user may see."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def router(services: Services) -> APIRouter:
 
     @found.get('/robots', response_model=list[ShownRobot], response_model_exclude_unset=True)
     async def robots(actor: Actor = Depends(allowed(Permission.SEE))) -> list[dict[str, Any]]:
-        """Return the robots that one may see."""
+        """Return the robots that the user may see."""
         rights = hub.rights_of(actor)
         return [each.shown(rights) for each in hub.seen(rights)]
 
@@ -50,7 +50,7 @@ def router(services: Services) -> APIRouter:
 
     @found.get('/people', response_model=list[ShownPerson])
     async def people(actor: Actor = Depends(allowed(Permission.SEE))) -> list[dict[str, Any]]:
-        """Return the people that one may see, each with the robots they live with."""
+        """Return the people that the user may see, each with the robots they live with."""
         return hub.people(hub.rights_of(actor))
 
     return found

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""To come in and to leave: sessions, one-time links, passwords, emergencies."""
+"""Login and logout: sessions, one-time links, passwords, emergencies."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ from rt_robot_os.monitor.security.users import User
 
 _JSON: Final = 'application/json'
 _ANYBODY: Final = Depends(allowed(None))
-#: A password is hashed: what is longer is not even looked at.
+#: Longest password that is hashed; a longer one is refused immediately.
 _PASSWORD: Final = 256
 
 
@@ -78,7 +78,7 @@ class Login(Strict):
 
 
 class Unlock(Strict):
-    """The password of whose session it is."""
+    """The password of the session's user."""
 
     password: str = Field(max_length=_PASSWORD)
 
@@ -90,7 +90,7 @@ class OneTimeLink(Strict):
 
 
 class SetUp(OneTimeLink):
-    """What a one-time link is used for; name and role are for the first account alone."""
+    """The use of a one-time link; name and role are for the first account only."""
 
     name: str = Field('', max_length=128)
     password: str = Field(max_length=_PASSWORD)
@@ -105,14 +105,14 @@ class NewPassword(Strict):
 
 
 class EmergencyRequest(Strict):
-    """Why a user needs access that they were not granted."""
+    """The reason for access that was not granted."""
 
     person: str = Field(min_length=1, max_length=128)
     reason: str = Field(max_length=LONGEST_REASON)
 
 
 def from_here(request: Request) -> None:
-    """Refuse what another site sent, or a form of it, where there is no session yet to ask."""
+    """Refuse requests and forms of other sites when there is no session yet to check."""
     check_origin(request)
     if request.headers.get('content-type', '').partition(';')[0].strip().lower() != _JSON:
         raise refusal(415, 'this is not JSON', f'send it as {_JSON}')
@@ -131,7 +131,7 @@ def router(services: Any) -> APIRouter:
 
 
 class _Door:
-    """What logging in, a link and a new password have in common."""
+    """The common parts of login, one-time links and new passwords."""
 
     def __init__(self, accounts: Accounts) -> None:
         self._accounts = accounts
@@ -139,11 +139,11 @@ class _Door:
     async def compare(self, name: str, stored: str, password: str, address: str,
                       device: str) -> bool:
         """
-        Compare a password; guesses have to wait longer and longer, for any account.
+        Compare a password; repeated guesses are delayed increasingly, for any account.
 
-        :param device: the number of a known device, or the id of the session that asks; wrong
-            passwords from elsewhere delay neither. Empty: it is a stranger.
-        :raises HTTPException: it must wait.
+        :param device: the number of a known device, or the id of the requesting session; wrong
+            passwords from elsewhere delay neither. Empty for an unknown device.
+        :raises HTTPException: the client must wait.
         """
         lock_out, account = self._accounts.lock_out, key_of(name)
         wait = lock_out.begin(account, address, device)
@@ -161,9 +161,9 @@ class _Door:
 
     async def hash_new(self, password: str, name: str) -> str:
         """
-        Judge a new password and make its hash.
+        Check a new password and make its hash.
 
-        :raises HTTPException: it is not good enough.
+        :raises HTTPException: it is too weak.
         """
         try:
             check_rules(password, name)
@@ -176,7 +176,7 @@ class _Door:
 
     def let_in(self, user: User, request: Request, response: Response,
                action: str) -> dict[str, Any]:
-        """Begin a session, in place of the one that the browser had."""
+        """Begin a session, replacing the previous one of the browser."""
         accounts, address = self._accounts, address_of(request)
         old = accounts.sessions.find(secret_of(request)) if secret_of(request) else None
         if old is not None:
@@ -202,7 +202,7 @@ def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
     async def log_in(login: Login, request: Request, response: Response) -> dict[str, Any]:
         address = address_of(request)
         user = await run_in_threadpool(accounts.users.find, login.name)
-        # For an unknown name the same is done and answered as for a known one.
+        # Unknown names are processed and answered like known ones.
         stored = user.password if user is not None else ''
         device = accounts.devices.number(device_cookie_of(request), key_of(login.name))
         is_right = await door.compare(login.name, stored, login.password, address, device)
@@ -227,7 +227,7 @@ def _add_sessions(found: APIRouter, accounts: Accounts, door: _Door) -> None:
 
     @found.post('/session/unlock', response_model=ShownSession)
     async def unlock(form: Unlock, request: Request, actor: Actor = _ANYBODY) -> dict[str, Any]:
-        # Like a stop and an acknowledgement it works also while the database is away.
+        # Like a stop and an acknowledgement it also works while the database is unavailable.
         secret, sessions = secret_of(request), accounts.sessions
         if not await door.compare(actor.name, sessions.password_of(secret), form.password,
                                   actor.address, actor.session):
@@ -337,7 +337,7 @@ def _add_password(found: APIRouter, accounts: Accounts, door: _Door) -> None:
 
 
 def _tell_admins(hub: Any, name: str, person: str, ends_ns: int) -> None:
-    """Notify each page of an admin that a user began an access in an emergency."""
+    """Notify each page of an admin that a user began emergency access."""
     text = encode('emergency', {'name': name, 'person': person, 'ends_ns': ends_ns})
     for client in list(hub.clients) if hub is not None else ():
         if client.actor.may(Permission.ADMIN):

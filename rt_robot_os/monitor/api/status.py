@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How the server does: what waits, what was left out, what failed; every count there is."""
+"""The status of the server: queues, drops, failures, and all other counters."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def router(services: Services) -> APIRouter:
 
     @found.get('/healthz', response_model=ServerHealth)
     async def healthz() -> dict[str, bool]:
-        """Say that the server runs, and whether it can store records; for monitoring programs."""
+        """Report that the server runs, and whether it can store records, for monitoring."""
         return {'ok': True, 'storing': not services.writer.fault}
 
     @found.get('/api/status', response_model=ServerStatus)
     async def status(actor: Actor = Depends(allowed(Permission.SEE))) -> dict[str, Any]:
-        """Return how the server does, and what was counted of the robots that one may see."""
+        """Return the status of the server, and counters of the robots that the user may see."""
         hub = services.hub
         writer = services.writer
         connections = services.connections or Connections(0)
@@ -62,7 +62,7 @@ def router(services: Services) -> APIRouter:
 
     @found.get('/metrics', response_class=PlainTextResponse)
     async def metrics(actor: Actor = Depends(allowed(Permission.ADMIN))) -> str:
-        """Return the same as text for a program that draws it, such as Prometheus."""
+        """Return the same as text for a monitoring program such as Prometheus."""
         return '\n'.join(_metrics(services)) + '\n'
 
     return found

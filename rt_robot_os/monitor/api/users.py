@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""For admins: users, whom they may see, their sessions, the tokens of robots, emergencies."""
+"""For admins: users, the people they may see, their sessions, robot tokens, emergencies."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class NewUser(Strict):
 
 
 class UserChange(Strict):
-    """What of a user is to change."""
+    """The changes of a user."""
 
     role: str | None = Field(None, max_length=16)
     people: list[str] | None = Field(None, max_length=MOST_PEOPLE)
@@ -66,7 +66,7 @@ class UserChange(Strict):
 
 
 class NewRobot(Strict):
-    """A robot to be let in."""
+    """A robot to be added."""
 
     name: str = Field(max_length=64)
 
@@ -171,9 +171,9 @@ def _add_robots(found: APIRouter, accounts: Accounts) -> None:
 def change_user(accounts: Accounts, by: str, user: User, role: str | None,
                 people: list[str] | None, is_disabled: bool | None) -> User:
     """
-    Change a user, who has to log in again if role or state change.
+    Change a user, who must log in again if role or state change.
 
-    :raises AccountError: it cannot be done.
+    :raises AccountError: the change is not possible.
     """
     after = accounts.users.change(user.id, by, role=None if role is None else _role(role),
                                   people=people, is_disabled=is_disabled)
@@ -188,7 +188,7 @@ def change_user(accounts: Accounts, by: str, user: User, role: str | None,
 
 
 def differences(before: User, after: User) -> dict[str, Any]:
-    """Return what the audit says of a change."""
+    """Return the details of a change for the audit."""
     old, new = before.as_dict(), after.as_dict()
     return {name: [old[name], new[name]] for name in new if old[name] != new[name]}
 

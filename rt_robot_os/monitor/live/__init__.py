@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is live: the robots that are connected, and who watches them."""
+"""Live data: the connected robots and the clients that watch them."""

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-``/voice``: calls between a browser and a robot; only what sets them up goes through here.
+``/voice``: signalling of calls between a browser and a robot; their media takes another path.
 
 From the page come ``ring`` {robot, sdp} and ``hang_up``; to it go ``answer`` {sdp}, ``state``
 {state} and ``ended`` {why}. One call of a robot at a time. A call ends with this connection.
@@ -49,7 +49,7 @@ from starlette.websockets import WebSocketDisconnect
 
 TEXT_MOST: Final = 80 << 10
 CALLERS_MOST: Final = 50
-#: A robot answers within this time, or never.
+#: Longest time until a robot answers a call.
 ANSWER_S: Final = 20.0
 
 
@@ -57,8 +57,8 @@ class Caller:
     """
     A connection of a page, for one call at a time.
 
-    :ivar robot: that was called; empty for none.
-    :ivar name: of the call.
+    :ivar robot: the called robot; empty for none.
+    :ivar name: id of the call.
     """
 
     def __init__(self, websocket: WebSocket, actor: Actor) -> None:
@@ -77,7 +77,7 @@ class Caller:
         self.wake.set()
 
     def ended(self, why: str) -> None:
-        """Tell the page why a call has ended, or did not begin."""
+        """Send the page the reason why a call has ended or did not begin."""
         self.tell('ended', why=why, codes=codes_of({'why': why}, ('why',)))
 
     def close(self, code: int, text: str) -> None:
@@ -102,7 +102,7 @@ class Calls:
     All calls; for the event loop alone.
 
     :param services: of the server.
-    :ivar calls: that were rung so far.
+    :ivar calls: number of calls so far.
     """
 
     def __init__(self, services: Services) -> None:
@@ -158,7 +158,8 @@ class Calls:
             raise ValueError('no ring')
         hub, actor = self._services.hub, caller.actor
         state = hub.robots.get(robot)
-        # Anyone who is there is heard: the user needs a grant for all who live there.
+        # A call transmits the voices of all people present: the user needs a grant for all
+        # residents.
         if state is None or not may_view_cameras(actor.people, state):
             caller.ended('there is no such robot, or you may not call it')
             return
@@ -183,7 +184,7 @@ class Calls:
             self._end(caller, 'the robot does not answer', 'no answer')
 
     def _heard(self, robot: str, message: VoiceMessage) -> None:
-        """Pass on a step of a call that the robot takes."""
+        """Forward a signalling message of the robot."""
         caller = self._by_robot.get(robot)
         if caller is None or message.call != caller.name:
             return
@@ -211,7 +212,7 @@ class Calls:
         """
         End a call; may be called twice.
 
-        :param why: for the page; empty when it knows.
+        :param why: the reason for the page; empty when the page ended the call.
         """
         if not caller.robot:
             return
@@ -229,7 +230,7 @@ class Calls:
                                        seconds=round(time.monotonic() - caller.began_s, 1))
 
     def _show(self, robot: str, call: dict[str, Any] | None) -> None:
-        """Show all clients that may see the robot who talks with it."""
+        """Notify all clients that may see the robot of the user who talks with it."""
         state = self._services.hub.robots.get(robot)
         if state is not None:
             state.about = {**state.about, 'call': call}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The connection of a browser, ``/live``: the state first, then what changes, as it watches."""
+"""The connection of a browser, ``/live``: first the state, then changes, as subscribed."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ WATCHES_MOST: Final = 16
 PATTERNS_MOST: Final = 200
 PATTERN_CHARACTERS: Final = 200
 STARS_MOST: Final = 3
-#: Names with a star in one watch: each is compared with all names.
+#: Most names with a star in one watch: each is compared with all names.
 STARRED_MOST: Final = 32
 RATE_HZ: Final = 5.0
 RATE_MOST_HZ: Final = 30.0
@@ -61,7 +61,7 @@ class ClientConnection:
         self._filled = 0.0
 
     def send(self, text: str) -> bool:
-        """Send something urgent."""
+        """Send an urgent message."""
         return self._queue.send(text)
 
     def close(self, code: int, reason: str) -> None:
@@ -69,7 +69,7 @@ class ClientConnection:
         self._queue.close(code, reason)
 
     async def run(self) -> None:
-        """Serve it to its end."""
+        """Serve the connection until it ends."""
         writing = asyncio.create_task(self._queue.run())
         self._hub.join(self)
         try:
@@ -115,7 +115,7 @@ class ClientConnection:
         key, robot = message.get('id', ''), message.get('robot')
         patterns, rate = message.get('signals', []), message.get('rate_hz', RATE_HZ)
         if not isinstance(key, str) or len(key) > 64 or not isinstance(robot, str | None):
-            return 'watch: id and robot are texts'
+            return 'watch: id and robot are strings'
         if (not isinstance(patterns, list) or len(patterns) > PATTERNS_MOST
                 or not all(isinstance(each, str) and len(each) <= PATTERN_CHARACTERS
                            and each.count('*') <= STARS_MOST for each in patterns)):
@@ -129,7 +129,7 @@ class ClientConnection:
         rate = min(max(float(rate), RATE_LEAST_HZ), RATE_MOST_HZ)
         wanted = (robot, tuple(sorted(set(patterns))), rate)
         if self._wanted.get(key) == wanted:
-            return ''  # the same again
+            return ''  # the same watch again
         if patterns:
             await self._turn(robot, starred)
         self._end(key)

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-One robot's signals to many clients: what several of them want alike is encoded once.
+Sends one robot's signals to many clients: data that several of them watch is encoded once.
 
 Watches with the same robot, rights, signals and rate are a group. A frame is everything that has
-changed since a version of the robot; those who are up to date share it, and one who reads slowly
-gets all that it missed in one, each signal once with its newest value.
+changed since a version of the robot; clients that are up to date share it, and a slow client gets
+all missed changes in one frame, each signal once with its newest value.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.live.robot_state import Signal
 from rt_robot_os.monitor.live.send_queue import SendQueue
 
-#: Patterns that a robot is asked for; beyond that it is asked for everything.
+#: Most patterns that are requested from a robot; beyond that all signals are requested.
 WANTED_MOST: Final = 256
-#: Frames of one version that are kept, for clients that are behind by as many different ones.
+#: Most cached frames of one version, for clients with different previous versions.
 _FRAMES_MOST: Final = 16
 
 
 class SignalWatch:
-    """What one client wants of one robot."""
+    """One client's watch of one robot."""
 
     def __init__(self, queue: SendQueue, group: WatchGroup) -> None:
         self._queue = queue
@@ -50,22 +50,22 @@ class SignalWatch:
         group.watches[self] = None
 
     def is_due(self) -> None:
-        """Send what is new when the client's turn comes."""
+        """Offer changes, which are sent when the client is ready."""
         self._queue.offer(self.frame)
 
     def frame(self) -> str | None:
-        """Return what is new since the last; None for nothing."""
+        """Return the changes since the last frame; None for none."""
         before, self._version = self._version, self._group.robot.version
         return self._group.frame(before)
 
     def end(self) -> None:
-        """Send nothing more."""
+        """Stop sending."""
         self._queue.withdraw(self.frame)
         self._group.watches.pop(self, None)
 
 
 class WatchGroup:
-    """All that want the same of a robot, with the same rights."""
+    """All watches of a robot with the same signals, rate and rights."""
 
     def __init__(self, robot: RobotState, rights: Rights, patterns: tuple[str, ...],
                  rate_hz: float) -> None:
@@ -80,15 +80,15 @@ class WatchGroup:
         self._names_at: object = None
         self._made: dict[int, str | None] = {}
         self._made_at = -1
-        # A little faster than asked for, so that what came late once is not late ever after.
+        # A little faster than requested, so that one late frame does not delay all later ones.
         self._period_s = 0.8 / rate_hz
         self._due = 0.0
         self._timer: asyncio.TimerHandle | None = None
 
     def changed(self) -> None:
-        """Offer what is new to all, now or when their rate allows it."""
+        """Offer changes to all members, now or when their rate allows it."""
         loop = asyncio.get_running_loop()
-        # One may come a period early: a robot that sends at this very rate is not held back.
+        # A frame may be early: a robot that sends at exactly this rate is not delayed.
         begin = self._due - self._period_s
         if loop.time() >= begin:
             self._offer()
@@ -96,7 +96,7 @@ class WatchGroup:
             self._timer = loop.call_at(begin, self._offer)
 
     def end(self) -> None:
-        """Offer nothing more."""
+        """Stop offering."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -108,7 +108,7 @@ class WatchGroup:
             each.is_due()
 
     def frame(self, since: int) -> str | None:
-        """Return what has changed since a version of the robot; None for nothing."""
+        """Return the changes since a version of the robot; None for none."""
         if self._made_at != self.robot.version:
             self._made.clear()
             self._made_at = self.robot.version
@@ -130,7 +130,7 @@ class WatchGroup:
                 f'"utc_ns":{robot.live_utc_ns},"sent_ns":{time.time_ns()},"signals":{{{body}}}}}')
 
     def _choose(self) -> None:
-        """Choose the signals again when there are others, or other people."""
+        """Select the signals again when signals or residents have changed."""
         robot = self.robot
         state = (robot.names, robot.named, robot.people)
         if state == self._names_at:
@@ -151,7 +151,7 @@ class FanOut:
 
     def watch(self, queue: SendQueue, robot: RobotState, rights: Rights,
               patterns: tuple[str, ...], rate_hz: float) -> SignalWatch:
-        """Begin to send signals of a robot to a client, from its present ones on."""
+        """Begin to send signals of a robot to a client, starting with the present values."""
         groups = self._groups.setdefault(robot.id, {})
         for key in [key for key, each in groups.items() if not each.watches]:
             groups.pop(key).end()
@@ -162,13 +162,13 @@ class FanOut:
         return SignalWatch(queue, group)
 
     def changed(self, robot: RobotState) -> None:
-        """Send what has changed of a robot to whom it concerns."""
+        """Send changes of a robot to the clients that watch them."""
         for each in self._groups.get(robot.id, {}).values():
             if each.watches:
                 each.changed()
 
     def wanted(self, robot: str) -> tuple[float, tuple[str, ...]]:
-        """Return the highest rate at which a robot is watched, and the patterns."""
+        """Return the highest rate at which a robot is watched, and all patterns."""
         groups = [each for each in self._groups.get(robot, {}).values() if each.watches]
         patterns = {name for each in groups for name in each.patterns}
         return (max((each.rate_hz for each in groups), default=0.0),

@@ -48,9 +48,9 @@ from rt_robot_os.monitor.live.turns import WatchQuota
 from rt_robot_os.monitor.security.guard import Actor
 from rt_robot_os.monitor.security.guard import Permission
 
-#: Heart-beats that may be missing before a robot is silent.
+#: Missing heartbeats after which a robot is silent.
 BEATS: Final = 3
-#: From one message that tells a robot what is wanted to the next.
+#: Shortest time between two messages to a robot about the watched signals.
 WANT_S: Final = 0.5
 
 
@@ -65,20 +65,20 @@ class RobotUnavailable(Exception):
 
 
 class RobotPeer(Protocol):
-    """What the hub needs of a robot's connection."""
+    """The interface of a robot's connection for the hub."""
 
     def send(self, message: UplinkMessage) -> bool:
-        """Send a message; False when there is no room for it."""
+        """Send a message; False when the queue is full."""
 
     def send_urgent(self, message: UplinkMessage) -> None:
-        """Send a message before all others; the newest of a kind wins."""
+        """Send a message before all others; only the newest of a kind is sent."""
 
     def close(self, code: int, reason: str) -> None:
         """Close it."""
 
 
 class Client(Protocol):
-    """What the hub needs of a browser's connection."""
+    """The interface of a browser's connection for the hub."""
 
     actor: Actor
     rights: Rights
@@ -87,7 +87,7 @@ class Client(Protocol):
         """Close it."""
 
     def send(self, text: str) -> bool:
-        """Send something urgent."""
+        """Send an urgent message."""
 
     def robot_came(self, robot: RobotState) -> None:
         """Watch a robot that is new to the hub."""
@@ -115,9 +115,9 @@ class Hub:
         self.counts: dict[str, int] = {'joined': 0, 'overrun': 0, 'revoked': 0, 'refused': 0,
                                        'watches_delayed': 0,
                                        'robots_refused': 0}
-        #: Called with the id of a robot and what it has sent, for each heart-beat.
+        #: Called with the id of a robot and its message, for each heartbeat.
         self.on_beat: list[Callable[[str, DriveBeat], object]] = []
-        #: Called with the id of a robot and what it has sent, for each step of a call.
+        #: Called with the id of a robot and its message, for each signalling message of a call.
         self.on_voice: list[Callable[[str, VoiceMessage], object]] = []
         #: Called with the id of a robot and whether it is connected now.
         self.on_robot: list[Callable[[str, bool], object]] = []
@@ -130,7 +130,7 @@ class Hub:
 
     def remember(self, robots: Iterable[Mapping[str, Any]],
                  alarms: Iterable[Mapping[str, Any]]) -> None:
-        """Take the robots and open alarms that the database has of before this start."""
+        """Load the robots and open alarms from the database at the start."""
         for each in robots:
             robot = self.get_or_create(each['id'], each.get('name') or '')
             robot.last_seen_ns = each.get('last_seen_ns') or 0
@@ -138,7 +138,7 @@ class Hub:
             self.get_or_create(each['robot']).alarms[each['id']] = dict(each)
 
     def get_or_create(self, robot: str, name: str = '') -> RobotState:
-        """Return a robot; one that is new becomes known to those who watch all."""
+        """Return a robot; a new one is added and announced to clients that watch all."""
         found = self.robots.get(robot)
         if found is None:
             found = self.robots[robot] = RobotState(robot, name or robot)
@@ -156,7 +156,7 @@ class Hub:
         return robot in self._connections
 
     def robot(self, robot: str) -> dict[str, Any] | None:
-        """Return a robot as who may see everything is shown it; None when there is none."""
+        """Return a robot as shown with all rights; None when it does not exist."""
         found = self.robots.get(robot)
         return None if found is None else found.shown(Rights(None, True))
 
@@ -166,13 +166,13 @@ class Hub:
         return found is not None and self.rights_of(actor).sees_robot(found.people)
 
     def seen(self, actor_rights: Rights) -> list[RobotState]:
-        """Return the robots that exist for those with these rights."""
+        """Return the robots that are visible with these rights."""
         return [each for each in self.robots.values() if actor_rights.sees_robot(each.people)]
 
     # Robots
 
     def connect(self, robot: RobotState, connection: RobotPeer, now_ns: int) -> None:
-        """Take a robot that has said hello; a connection that it had before is closed."""
+        """Register the connection of a robot after its hello; the previous one is closed."""
         before = self._connections.get(robot.id)
         if before is not None and before is not connection:
             before.close(4000, 'the same robot has connected again')
@@ -181,7 +181,7 @@ class Hub:
         robot.connected, robot.retired = True, False
         self.touch(robot, now_ns, quietly=True)
         robot.wanted = (-1.0, ())
-        if robot.id in self._wants:  # of its connection before
+        if robot.id in self._wants:  # of its previous connection
             self._wants.pop(robot.id).cancel()
         self.tell_robot(robot)
         self._tell_listeners(robot)
@@ -191,7 +191,7 @@ class Hub:
         self.want(robot)
 
     def disconnect(self, robot: RobotState, connection: RobotPeer) -> None:
-        """Forget a connection of a robot; its commands fail immediately."""
+        """Remove a connection of a robot; its commands fail immediately."""
         if self._connections.get(robot.id) is not connection:
             return
         del self._connections[robot.id]
@@ -209,7 +209,7 @@ class Hub:
             self.tell_robot(robot)
 
     def touch(self, robot: RobotState, now_ns: int, quietly: bool = False) -> None:
-        """Note that something has come from a robot."""
+        """Update the time at which a robot was last heard from."""
         robot.heard = asyncio.get_running_loop().time()
         robot.last_seen_ns = now_ns
         if robot.silent:
@@ -218,7 +218,7 @@ class Hub:
                 self.tell_robot(robot)
 
     def check_timeouts(self) -> None:
-        """Find the robots that are silent; call it about once a heart-beat."""
+        """Detect silent robots; to be called about once per heartbeat."""
         now = asyncio.get_running_loop().time()
         for each in self.robots.values():
             if not each.silent and now - each.heard > BEATS * self._heartbeat_s:
@@ -227,7 +227,7 @@ class Hub:
                 self.tell_robot(each)
 
     def live(self, robot: RobotState) -> None:
-        """Send what is new of a robot to clients that watch it."""
+        """Send changes of a robot to clients that watch it."""
         self.fan_out.changed(robot)
 
     def events(self, robot: RobotState, events: Iterable[tuple[Mapping[str, Any], int]],
@@ -247,18 +247,18 @@ class Hub:
             self._tell_each(partial(robot.alarm_shown, each), 'alarm')
 
     def beat(self, robot: RobotState, message: DriveBeat) -> None:
-        """Pass a heart-beat to its listeners."""
+        """Pass a heartbeat to its listeners."""
         for each in self.on_beat:
             each(robot.id, message)
 
     def voice(self, robot: RobotState, message: VoiceMessage) -> None:
-        """Pass a step of a call to its listeners."""
+        """Pass a signalling message of a call to its listeners."""
         for each in self.on_voice:
             each(robot.id, message)
 
     def want(self, robot: RobotState) -> None:
-        """Tell a robot which signals are wanted, and how often."""
-        if robot.id not in self._wants:  # the first is sent now, what follows soon after in one
+        """Request the watched signals and their rate from a robot."""
+        if robot.id not in self._wants:  # the first now, later ones together
             self._want(robot)
 
     def _want(self, robot: RobotState) -> None:
@@ -272,7 +272,7 @@ class Hub:
                 WANT_S, self._want, robot)
 
     def storing(self, fault: str) -> None:
-        """Tell every client whether records can be stored; ``fault`` is empty when they can."""
+        """Notify every client whether records can be stored; ``fault`` is empty if so."""
         server = {'storing': not fault, 'text': fault}
         if server != self._server:
             self._server = server
@@ -283,12 +283,12 @@ class Hub:
     async def command(self, robot: RobotState, do: str, args: Mapping[str, Any], by: str
                       ) -> CommandAnswer:
         """
-        Have a robot do something, once.
+        Send a command to a robot; it executes it once.
 
         :raises RobotUnavailable: it is not connected, or did not answer in time.
         """
         connection = self._connections.get(robot.id)
-        # A gateway does each once: after a restart of this server no number may come again.
+        # A gateway executes each id once: ids must not repeat after a restart of this server.
         number = uuid4().hex
         future: asyncio.Future[CommandAnswer] = asyncio.get_running_loop().create_future()
         if connection is None:
@@ -306,7 +306,7 @@ class Hub:
             self._answers.pop(number, None)
 
     def answered(self, robot: RobotState, answer: CommandAnswer) -> None:
-        """Receive the answer of a robot to a command; one to no command of its is counted."""
+        """Receive the answer of a robot to a command; answers to unknown commands are counted."""
         whose, future = self._answers.get(answer.id, ('', None))
         if future is None or whose != robot.id or future.done():
             robot.count('answers_late')
@@ -321,9 +321,9 @@ class Hub:
 
     def drive(self, robot: str, message: UplinkMessage) -> bool:
         """
-        Send a message of driving to a robot, before all that waits for it.
+        Send a teleoperation message to a robot, before all queued ones.
 
-        What has not been sent yet when the next of the same kind comes is not sent at all.
+        A message is dropped when the next of the same kind comes before it is sent.
 
         :return: whether the robot is connected.
         """
@@ -340,18 +340,18 @@ class Hub:
     # Clients
 
     def join(self, client: Client) -> None:
-        """Tell a client the whole state; from now on it gets what changes."""
+        """Send a client the whole state; from now on it gets changes."""
         self.counts['joined'] += 1
         client.send(encoded(self.state(client.rights)))
         self.clients[client] = None
 
     def leave(self, client: Client) -> None:
-        """Forget a client."""
+        """Remove a client."""
         self.clients.pop(client, None)
 
     def revoked(self, revoked: Any) -> None:
         """
-        Close what was opened by a session or a token that counts no more.
+        Close the connections of a session or a token that is no longer valid.
 
         :param revoked: with ``kind`` (``session`` or ``robot``), ``id``, ``code`` and ``text``.
         """
@@ -366,7 +366,7 @@ class Hub:
                 each.close(revoked.code, revoked.text)
 
     def state(self, rights: Rights) -> dict[str, Any]:
-        """Return all that those with these rights see at first."""
+        """Return the initial state for these rights."""
         robots = self.seen(rights)
         return {'kind': 'state', 'utc_ns': time.time_ns(),
                 'robots': [each.shown(rights) for each in robots],
@@ -374,7 +374,7 @@ class Hub:
                 'server': self._server}
 
     def residents_changed(self) -> None:
-        """Tell every client the whole state: who lives with which robot has changed."""
+        """Send every client the whole state, because residents of robots have changed."""
         for client in list(self.clients):
             if not client.send(encoded(self.state(client.rights))):
                 self.counts['overrun'] += 1
@@ -386,7 +386,7 @@ class Hub:
                    if each is not robot)
 
     def people(self, rights: Rights) -> list[dict[str, Any]]:
-        """Return the people that they see, each with the robots they live with."""
+        """Return the people visible with these rights, each with the robots they live with."""
         found: dict[str, list[str]] = {}
         for robot in self.robots.values():
             for person in filter(rights.sees_person, robot.people or ()):
@@ -394,7 +394,7 @@ class Hub:
         return [{'person': person, 'robots': found[person]} for person in sorted(found)]
 
     def alarms(self, rights: Rights) -> list[dict[str, Any]]:
-        """Return the open alarms that they see."""
+        """Return the open alarms visible with these rights."""
         every = ((robot, alarm) for robot in self.seen(rights)
                  for alarm in robot.alarms.values() if alarm['is_open'])
         shown: Iterable[dict[str, Any] | None] = (robot.alarm_shown(alarm, rights)
@@ -416,7 +416,7 @@ class Hub:
             rights = client.rights
             if rights not in texts:
                 found = shown(rights)
-                if found is not None and kind:  # a kind of cause has that name in alarms
+                if found is not None and kind:  # 'kind' is used for causes in alarms
                     found = {**found, 'kind': kind}
                 texts[rights] = None if found is None else encoded(found)
             text = texts[rights]

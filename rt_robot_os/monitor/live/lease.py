@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who may drive a robot: one at a time, and who takes it over does so knowingly."""
+"""The right to drive a robot: one client at a time; taking over must be explicit."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Lease(Generic[WhoT]):
     The right to drive a robot.
 
     :ivar holder: the client that has it; None when it is free.
-    :ivar key: of this period; another for each, so that commands of an earlier one are ignored.
-        Empty when it is free.
+    :ivar key: key of this period, different for each, so that commands of an earlier one are
+        ignored. Empty when it is free.
     """
 
     def __init__(self) -> None:
@@ -42,11 +42,11 @@ class Lease(Generic[WhoT]):
 
     def take(self, who: WhoT, over: bool) -> WhoT | None:
         """
-        Acquire it; a client that has it already keeps the same period.
+        Acquire it; the holder keeps the same period.
 
         :param over: take it from another client, too.
-        :return: the client that had it; None when it was free, or this client's.
-        :raises HeldByAnotherError: another client has it, and ``over`` is false.
+        :return: the previous holder; None when it was free or held by this client.
+        :raises HeldByAnotherError: another client holds it, and ``over`` is false.
         """
         former = self.holder
         if former == who:
@@ -60,7 +60,7 @@ class Lease(Generic[WhoT]):
         """
         Release it.
 
-        :return: the key that ends; empty when this client did not have it.
+        :return: the key of the ended period; empty when this client did not hold it.
         """
         if self.holder != who:
             return ''

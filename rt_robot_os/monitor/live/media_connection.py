@@ -44,7 +44,7 @@ from rt_robot_os.monitor.live.robot_state import RobotState
 from rt_robot_os.monitor.media_store import MediaStore
 from starlette.websockets import WebSocketDisconnect
 
-#: A browser that does not answer a picture within this time is gone, or its tab sleeps.
+#: A browser that does not acknowledge a picture within this time is gone or inactive.
 ANSWER_S: Final = 30.0
 VIEWERS_MOST: Final = 200
 _TEXT_MOST: Final = 4096
@@ -56,9 +56,9 @@ def may_view_cameras(people: frozenset[str] | None, robot: RobotState | None) ->
     """
     Return whether a user may watch the cameras of a robot.
 
-    :param people: whom they may see; None for everybody.
-    :param robot: None for one that is unknown.
-    :return: a camera shows anyone who is there: the user needs a grant for all who live with it.
+    :param people: people the user may see; None for everybody.
+    :param robot: None when it is unknown.
+    :return: a camera shows all people present, so the user needs a grant for all residents.
         Cameras of a robot without residents are for users who may see everyone.
     """
     return robot is not None and (people is None or (
@@ -67,9 +67,9 @@ def may_view_cameras(people: frozenset[str] | None, robot: RobotState | None) ->
 
 class MediaHub:
     """
-    What is known of cameras and their viewers; for the event loop alone.
+    The cameras and their viewers; for the event loop alone.
 
-    :param files: where files of alarms are kept.
+    :param files: the store for files of alarms.
     :ivar robots: the connection of each robot that has one.
     """
 
@@ -84,14 +84,14 @@ class MediaHub:
             self.robots[robot].wanted_changed()
 
     def connect(self, media: RobotMedia, end: Callable[[], None]) -> None:
-        """Note a robot's connection; one that it had before is ended, by its ``end``."""
+        """Register a robot's connection; the previous one is ended by its ``end``."""
         before = self._closing.get(media.robot)
         self.robots[media.robot], self._closing[media.robot] = media, end
         if before is not None:
             before()
 
     def disconnect(self, media: RobotMedia) -> None:
-        """Forget a connection, unless there is a newer one."""
+        """Remove a connection, unless there is a newer one."""
         if self.robots.get(media.robot) is media:
             del self.robots[media.robot], self._closing[media.robot]
 
@@ -102,13 +102,13 @@ class MediaHub:
             await asyncio.sleep(_CLEANUP_S)
 
     def revoke(self, what: Any) -> None:
-        """End the connection of a robot whose token has ended."""
+        """End the connection of a robot whose token was revoked."""
         end = self._closing.get(what.id)
         if end is not None:
             end()
 
     def status(self) -> dict[str, Any]:
-        """Return it in numbers."""
+        """Return the counters."""
         counts, viewers = self.files.counts(), self.gallery.viewers
         return {'robots': len(self.robots), 'viewers': len(viewers),
                 'pictures': self.gallery.pictures,
@@ -120,7 +120,7 @@ class MediaHub:
 
 
 async def serve_robot(websocket: WebSocket, robot: str, hub: MediaHub) -> None:
-    """Serve a robot's connection, which is accepted, until it ends."""
+    """Serve an accepted connection of a robot until it ends."""
     media = RobotMedia(robot, hub.gallery, hub.files, websocket.send_text)
     ended = asyncio.Event()
     hub.connect(media, ended.set)
@@ -143,9 +143,9 @@ class BrowserMedia:
     """
     One browser's connection.
 
-    :param session: whose it is.
-    :param may_view_cameras: whether they may see the pictures of a robot, now.
-    :param note: notes that they begin to look through a camera; may block.
+    :param session: its session.
+    :param may_view_cameras: returns whether the user may now see the pictures of a robot.
+    :param note: writes to the audit that the user begins to watch a camera; may block.
     """
 
     def __init__(self, websocket: WebSocket, gallery: Gallery, session: str,
@@ -172,7 +172,7 @@ class BrowserMedia:
         try:
             await _until_one_ends(self._receive(), self._send(), self._ended.wait())
             if self._ending is not None:
-                with suppress(RuntimeError):  # it has gone by itself
+                with suppress(RuntimeError):  # the browser has disconnected
                     await self._websocket.close(*self._ending)
         finally:
             self._gallery.close_viewer(self._viewer)
@@ -205,7 +205,7 @@ class BrowserMedia:
 
     async def _look(self, key: Key, rate_hz: float) -> None:
         if not self._may_look(key[0]):
-            # The same for a robot that does not exist.
+            # The same answer for a robot that does not exist.
             await self._gone(key, 'there is no such camera, or you may not look through it')
             return
         is_new = key not in self._viewer.keys()
@@ -227,7 +227,7 @@ class BrowserMedia:
             now_ns = time.monotonic_ns()
             picture, wait_ns = self._viewer.next_picture(now_ns)
             if picture is not None:
-                if not self._may_look(picture.key[0]):  # people have come, or rights have gone
+                if not self._may_look(picture.key[0]):  # new residents or fewer rights
                     self._viewer.leave(picture.key)
                     await self._gone(picture.key, 'you may not look through it any more')
                     continue

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How much memory a value takes that came as JSON, so that what a robot holds can be bounded."""
+"""Estimates the memory of a value parsed from JSON, to bound the memory used by a robot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MEMBER: Final = 104
 
 def memory_of(value: Any, most: int) -> int:
     """
-    Return about how many bytes a JSON value takes; stops at ``most``.
+    Return the approximate size of a JSON value in bytes; stops at ``most``.
 
     Characters beyond ASCII count 6 bytes each, as in the messages to the page.
     """

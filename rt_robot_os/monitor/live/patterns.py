@@ -15,9 +15,9 @@
 """
 Names with ``*`` for any characters, compared in time that grows with the name's length alone.
 
-A regular expression of ``*a*b*`` tries every way to share a name among its stars. Here each part
-between two stars is searched once, from where the part before it was found first: if any way to
-match exists, the leftmost one does.
+A regular expression for ``*a*b*`` tries every split of a name among its stars. Here each part
+between two stars is searched once, after the first occurrence of the previous part: if any match
+exists, the leftmost one does.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from collections.abc import Collection
 
 
 def matcher(patterns: Collection[str]) -> Callable[[str], bool]:
-    """Return a function that tells whether one of these matches a name."""
+    """Return a function that returns whether one of these matches a name."""
     names = frozenset(each for each in patterns if '*' not in each)
     parts = [each.split('*') for each in patterns if '*' in each]
     if any(not any(each) for each in parts):

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The newest picture of each camera, and who looks: newest wins, for each viewer by itself.
+The newest picture of each camera and its viewers; each viewer gets the newest one independently.
 
-No network in here. A viewer has one picture of a camera on its way at most, and gets the next when
-it has said that it drew that one: what waits at a slow viewer is never older than its last answer,
-and no other viewer notices it.
+This module has no network access. At most one picture of a camera is in flight to a viewer, which
+gets the next after it has acknowledged that one: a slow viewer never gets pictures older than its
+last acknowledgement, and does not affect other viewers.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from typing import NamedTuple
 
 from rt_robot_os.base.units import NS_PER_S
 
-#: Of a robot and a camera.
+#: Robot and camera.
 Key = tuple[str, str]
 
-#: A viewer gets no more pictures a second of one camera.
+#: Most pictures per second of one camera for a viewer.
 RATE_MOST_HZ: Final = 30.0
 RATE_LEAST_HZ: Final = 0.1
-#: Cameras that a viewer watches; more are refused.
+#: Most cameras that a viewer watches; more are refused.
 CAMERAS_MOST: Final = 16
 
 
@@ -196,13 +196,13 @@ class Gallery:
         return viewer
 
     def close_viewer(self, viewer: Viewer) -> None:
-        """Forget a viewer; may be called twice."""
+        """Remove a viewer; may be called twice."""
         self.viewers.discard(viewer)
         for robot in {robot for robot, _ in viewer.keys()}:
             self.changed(robot)
 
     def changed(self, robot: str) -> None:
-        """Note that what is watched has changed."""
+        """Notify that the watched cameras have changed."""
         looked_at = {key for viewer in self.viewers for key in viewer.keys()}
         for key in [key for key in self._newest if key[0] == robot and key not in looked_at]:
             # A later viewer would treat it as new; besides, it shows people.
@@ -212,7 +212,7 @@ class Gallery:
         self._on_wanted(robot)
 
     def wanted(self, robot: str) -> dict[str, float]:
-        """Return the pictures a second that are wanted of each camera of a robot."""
+        """Return the requested pictures per second of each camera of a robot."""
         rates: dict[str, float] = {}
         for viewer in self.viewers:
             for key in viewer.keys():
@@ -226,9 +226,9 @@ class Gallery:
 
     def put(self, picture: ViewedPicture) -> int:
         """
-        Take a picture; the one before it is gone.
+        Store a picture in place of the one before.
 
-        :return: how many look at it; of 0 it is not kept.
+        :return: the number of viewers; with none it is not stored.
         """
         self.pictures += 1
         self.troubles.pop(picture.key, None)
@@ -242,9 +242,9 @@ class Gallery:
 
     def trouble(self, key: Key, why: Mapping[str, Any]) -> None:
         """
-        Tell the viewers of a camera why no picture comes.
+        Notify the viewers of a camera why there are no pictures.
 
-        :param why: ``text`` and its ``codes``; without a text there are pictures again.
+        :param why: ``text`` and its ``codes``; an empty text means that pictures arrive again.
         """
         if not why['text'] or not any(key in viewer.keys() for viewer in self.viewers):
             self.troubles.pop(key, None)

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What a robot may say about whom: the boundary between a robot's token and the data of people.
+The people about whom a robot may send data: the boundary between robots and data of people.
 
-Records and live signals about a person are taken from the robots with which an administrator has
-confirmed that the person lives (:mod:`rt_robot_os.monitor.security.residents`). Records about
-others are set aside, and are filed when that is confirmed later.
+Records and live signals about a person are accepted only from robots of which the person is a
+confirmed resident (:mod:`rt_robot_os.monitor.security.residents`). Records about others are stored
+aside, and filed when an administrator confirms the person later.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ from rt_robot_os.monitor.store.person_name import PersonName
 from rt_robot_os.monitor.store.unconfirmed import UNCONFIRMED
 
 _LOG: Final = logging.getLogger('monitor')
-#: How soon the server notes what another process has confirmed.
+#: Period at which the server checks for confirmations by other processes.
 WATCH_S: Final = 1.0
-#: A database that does not answer holds up the hello of a robot for at most this time.
+#: Longest delay of a robot's hello when the database does not answer.
 GREET_S: Final = 5.0
 _ABOUT_A_PERSON: Final = frozenset({'observation', 'news2', 'place'})
 
 
 async def greet(services: Services, robot: RobotState, suggested: Collection[str]) -> None:
     """
-    Take the people that a robot names in its hello: a suggestion.
+    Store the people that a robot names in its hello as a suggestion.
 
-    A robot whose household is known needs no database; with the database away one that is new is
-    confirmed by :func:`watch` later.
+    A robot with a known household needs no database; a new robot is confirmed later by
+    :func:`watch` if the database is unavailable.
     """
     robot.suggested = frozenset(suggested)
     if robot.people is None:
@@ -63,13 +63,13 @@ async def greet(services: Services, robot: RobotState, suggested: Collection[str
             robot.lives_with(found.people, found.ever)
     unconfirmed = robot.suggested - (robot.people or frozenset())
     if unconfirmed:
-        _LOG.warning('%s: names %d people who are not confirmed as its residents; what it sends '
-                     'about them is set aside: monitor robot people %s shows them', robot.name,
+        _LOG.warning('%s: names %d people who are not confirmed as its residents; records '
+                     'about them are stored aside: monitor robot people %s shows them', robot.name,
                      len(unconfirmed), robot.name)
 
 
 async def watch(services: Services) -> None:
-    """Note each second what was confirmed, by the page or by another process, until cancelled."""
+    """Read confirmations by the page or by other processes each second, until cancelled."""
     is_first = True
     while True:
         try:
@@ -86,12 +86,12 @@ async def watch(services: Services) -> None:
 
 
 def apply(hub: Hub, households: Mapping[str, Household]) -> list[RobotState]:
-    """Take over what is confirmed; return the robots whose residents have changed."""
+    """Apply confirmed residents; return the robots whose residents have changed."""
     changed = []
     for robot in hub.robots.values():
         found = households.get(robot.id)
         if found is not None and robot.ever - found.ever:
-            # Nothing else takes a person out of the database.
+            # Only an erasure removes a person from the database.
             for person in robot.ever - found.ever:
                 forget(hub, PersonName(person))
             changed.append(robot)
@@ -106,7 +106,7 @@ def apply(hub: Hub, households: Mapping[str, Household]) -> list[RobotState]:
 
 
 def forget(hub: Hub, name: PersonName) -> None:
-    """Take a person who was erased out of what is in memory of all robots."""
+    """Remove an erased person from the memory of all robots."""
     for robot in hub.robots.values():
         robot.suggested = frozenset(each for each in robot.suggested if not name.is_of(each))
         robot.ever = frozenset(each for each in robot.ever if not name.is_of(each))
@@ -122,11 +122,11 @@ def forget(hub: Hub, name: PersonName) -> None:
 
 def admitted(hub: Hub, robot: RobotState, record: Any) -> Any:
     """
-    Return a record as it may be filed.
+    Return a record in the form in which it may be filed.
 
-    One about a person who is not confirmed is of the type ``unconfirmed``, which the database
-    sets aside. An alarm is never held back; it loses a subject that is a resident of other
-    robots alone, so that it is filed and shown as an alarm of this robot.
+    A record about an unconfirmed person gets the type ``unconfirmed``, which the database stores
+    aside. An alarm is never held back; its subject is removed if that person is a resident of
+    other robots only, so that it is filed and shown as an alarm of this robot.
     """
     content = record.get('content') if isinstance(record, dict) else None
     if not isinstance(content, dict):

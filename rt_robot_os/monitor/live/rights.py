@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a user may see of a robot, and what is left of a message without the rest.
+What a user may see of a robot, and the removal of the rest from messages.
 
-A person who is not granted is not even named: signals and alarms of theirs are left out, and in
-every text and name of others theirs is replaced.
+The name of a person who is not granted is never sent: signals and alarms about them are omitted,
+and their name is replaced in all other texts and names.
 """
 
 from __future__ import annotations
@@ -28,33 +28,34 @@ import re
 from typing import Any
 from typing import Final
 
-#: Stands for a person who is not granted.
+#: Replacement for the name of a person who is not granted.
 SOMEBODY: Final = '(somebody)'
-#: Signals of a person that go with the overview; all others are of their health.
+#: Signals of a person that belong to the overview; all others are health data.
 _OVERVIEW: Final = frozenset({'place', 'place_details'})
 
 
 @dataclass(frozen=True)
 class Rights:
     """
-    What clients with the same rights may see, who get the same bytes.
+    The rights of clients; clients with equal rights get the same bytes.
 
-    :ivar people: who they may see; None for everybody.
-    :ivar health: whether they may see signs of them.
+    :ivar people: people they may see; None for everybody.
+    :ivar health: whether they may see vital signs.
     """
 
     people: frozenset[str] | None
     health: bool
 
     def sees_person(self, person: str) -> bool:
-        """Return whether they may see that person."""
+        """Return whether a person is visible."""
         return self.people is None or person in self.people
 
     def sees_robot(self, people: frozenset[str] | None) -> bool:
         """
-        Return whether they may see the robot; without residents only those who see everyone may.
+        Return whether a robot is visible; one without residents only to users who may see
+        everybody.
 
-        :param people: those who live with it; None while it is not known who.
+        :param people: its residents; None while they are unknown.
         """
         return self.people is None or (people is not None
                                        and not self.people.isdisjoint(people))
@@ -64,18 +65,19 @@ class Rights:
         return frozenset() if self.people is None else frozenset(people) - self.people
 
     def sees_signal(self, name: str, hidden: frozenset[str]) -> bool:
-        """Return whether they may see a signal at all."""
+        """Return whether a signal is visible."""
         kind, _, rest = name.partition('/')
         if kind == 'health':
             person, _, sign = rest.partition('/')
             return self.sees_person(person) and (self.health or sign in _OVERVIEW)
-        # The list of all alarms has those of others; who may see some get these each.
+        # The list of all alarms includes other people; clients get visible alarms one by one
+        # instead.
         return not hidden or (kind != 'alarms' and names_of(hidden).search(name) is None)
 
 
 @lru_cache(maxsize=1024)
 def names_of(hidden: frozenset[str]) -> re.Pattern[str]:
-    """Return what finds any of these names as a word, also within ``bed_of_NAME``."""
+    """Return a pattern that finds these names as words, also within ``bed_of_NAME``."""
     words = '|'.join(sorted(map(re.escape, hidden), key=len, reverse=True))
     return re.compile(rf'(?<![^\W_])(?:{words})(?![^\W_])', re.IGNORECASE)
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The connection of a robot, ``/robot/state``: what it sends is kept, shown and confirmed."""
+"""The connection of a robot, ``/robot/state``: its records are stored, shown and acknowledged."""
 
 from __future__ import annotations
 
@@ -59,14 +59,14 @@ from starlette.websockets import WebSocketDisconnect
 
 _LOG: Final = logging.getLogger('monitor')
 HELLO_S: Final = 10.0
-#: Batches that may wait for the disk; more are refused, and come again.
+#: Most batches that wait for the disk; more are refused, and the robot sends them again.
 BATCHES_MOST: Final = 8
 RETRY_S: Final = 2.0
-#: From one map of a robot to the next.
+#: Shortest time between two maps of a robot.
 MAP_S: Final = 1.0
 MESSAGES_A_SECOND: Final = 500
 BURST_S: Final = 1.0
-#: A clock that is further from the server's is logged.
+#: A larger difference between the clocks is logged.
 CLOCK_S: Final = 5.0
 
 
@@ -99,7 +99,7 @@ class RobotConnection:
         return self._queue.send(message.to_json())
 
     def send_urgent(self, message: UplinkMessage) -> None:
-        """Send a message before all others; the newest of a kind wins."""
+        """Send a message before all others; only the newest of a kind is sent."""
         self._queue.send_urgent(message.KIND, message.to_json())
 
     def close(self, code: int, reason: str) -> None:
@@ -107,7 +107,7 @@ class RobotConnection:
         self._queue.close(code, reason)
 
     async def run(self) -> None:
-        """Serve it to its end."""
+        """Serve the connection until it ends."""
         tasks = [asyncio.create_task(self._queue.run()), asyncio.create_task(self._keep())]
         try:
             if await self._hello():
@@ -127,13 +127,13 @@ class RobotConnection:
             text = await self._websocket.receive_text()
             try:
                 found = decode(text)
-                # A well-behaved robot writes neither escapes nor what is not printed.
+                # A well-behaved robot writes neither escapes nor unprintable characters.
                 return clean(found) if '\\u' in text or not text.isprintable() else found
             except (ValueError, RecursionError):
                 self._robot.count('messages_wrong')
 
     async def _not_too_fast(self) -> None:
-        """Limit the rate of messages: further ones wait at the robot."""
+        """Limit the rate of messages; further ones wait on the robot."""
         now = asyncio.get_running_loop().time()
         self._next_s = max(self._next_s, now - BURST_S) + 1 / MESSAGES_A_SECOND
         if self._next_s > now:
@@ -152,7 +152,7 @@ class RobotConnection:
         self._take_about(hello, now_ns)
         await greet(self._services, self._robot, hello.people)
         wants_map = await self._wants_map(hello.map or '')
-        if wants_map:  # a page asks for a map when it hears of it: until then there is that before
+        if wants_map:  # a page requests a map when it is announced
             self._robot.about['map'] = self._services.maps.digest(self._robot.id)
         self.send(ServerWelcome(now_ns, wants_map))
         self._services.hub.connect(self._robot, self, now_ns)
@@ -180,7 +180,7 @@ class RobotConnection:
         if hello.utc_ns is not None:
             robot.offset_s = (hello.utc_ns - now_ns) / 1e9
             if abs(robot.offset_s) > CLOCK_S:
-                _LOG.warning('%s: its clock is %+.1f s from ours', robot.name, robot.offset_s)
+                _LOG.warning('%s: its clock is off by %+.1f s', robot.name, robot.offset_s)
 
     async def _wants_map(self, sha256: str) -> bool:
         maps = self._services.maps
@@ -190,7 +190,7 @@ class RobotConnection:
     def _take(self, content: dict[str, Any]) -> None:
         hub, robot = self._services.hub, self._robot
         hub.touch(robot, time.time_ns())
-        if content['kind'] == MapMessage.KIND:  # not unpacked here: that takes long
+        if content['kind'] == MapMessage.KIND:  # not decompressed here, since that is slow
             self._take_map(content)
             return
         try:
@@ -222,7 +222,7 @@ class RobotConnection:
             self._robot.count('messages_unknown' if self._services.maps is None
                               else 'maps_too_fast')
             return
-        self._map_s = now  # one is asked for; others come as it grows
+        self._map_s = now  # one map is requested; others come as it grows
         self._start(self._keep_map(content))
 
     async def _keep_map(self, content: dict[str, Any]) -> None:
@@ -246,7 +246,7 @@ class RobotConnection:
 
     def _take_records(self, message: RecordBatch) -> None:
         records = [admitted(self._services.hub, self._robot, each) for each in message.records]
-        boot = message.boot or self._boot  # an earlier start may have left some
+        boot = message.boot or self._boot  # an earlier start of the server may have left some
         if message.lost is not None:
             self._robot.lost = dict(message.lost)
         wrong = sum(not is_record(each) for each in records)
@@ -261,7 +261,7 @@ class RobotConnection:
             self._refuse(message.batch, 'too many batches wait for the disk')
 
     def _show_alarms(self, records: Sequence[Any], boot: str, clock: RobotClock) -> None:
-        """Show alarms before they are stored: a full disk delays no alarm."""
+        """Show alarms before they are stored: a full disk does not delay an alarm."""
         now_ns = time.time_ns()
         self._services.hub.events(self._robot, [
             (each['content'], clock.corrected(each['utc_ns'], now_ns)) for each in records
@@ -292,7 +292,7 @@ class RobotConnection:
 
 
 def clean(value: Any) -> Any:
-    """Return a JSON value whose texts can be kept by every database and shown on every screen."""
+    """Return a JSON value whose strings every database can store and every screen can show."""
     if isinstance(value, str):
         return safe_text(value)
     if isinstance(value, dict):
@@ -301,5 +301,5 @@ def clean(value: Any) -> Any:
 
 
 def is_record(value: object) -> bool:
-    """Return whether a value has a number, by which it is known when it comes again."""
+    """Return whether a value has a number, which identifies it when it is sent again."""
     return isinstance(value, dict) and is_time(value.get('seq'))

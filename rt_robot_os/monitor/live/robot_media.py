@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What a robot says on its second connection, `/robot/media`: pictures, and files in parts.
+The messages of a robot on its second connection, `/robot/media`: pictures, and files in parts.
 
-A picture is acknowledged as soon as it comes: the robot has one on its way, and sends the newest
-next. Files come part by part, each acknowledged with how much there is, so that after a break both
-sides know where to go on.
+A picture is acknowledged on arrival: the robot has one in flight, and then sends the newest one.
+Files come in parts, each acknowledged with the received length, so that both sides know where to
+resume after an interruption.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from rt_robot_os.monitor.media_store import Offered
 
 Send = Callable[[str], Awaitable[None]]
 _OFFERS_MOST: Final = 4
-#: Of the codes of why a camera gives no picture.
+#: Largest size of the codes for missing pictures of a camera.
 _CODES_BYTES: Final = 4000
 _AGE_MOST_NS: Final = 600 * 1_000_000_000
 
@@ -65,8 +65,8 @@ class RobotMedia:
     One connection of a robot.
 
     :param robot: its id.
-    :param send: sends it a text.
-    :ivar cameras: which it has said it has.
+    :param send: sends the robot a text message.
+    :ivar cameras: the cameras that it has announced.
     :ivar odd: messages that were malformed or unknown.
     """
 
@@ -82,7 +82,7 @@ class RobotMedia:
         self._want = asyncio.Event()
 
     async def take(self, message: str | bytes) -> None:
-        """Take what has come: a text, or a frame."""
+        """Process a received message: a text, or a frame."""
         now_ns = time.time_ns()
         try:
             if isinstance(message, str):
@@ -119,7 +119,7 @@ class RobotMedia:
         camera = picture.camera
         await self._send(PictureReceived(camera, picture.n).to_json())
         if camera not in self.cameras or bytes(picture.payload[:3]) != b'\xff\xd8\xff':
-            self.odd += 1  # browsers get what a camera of this robot gives, as JPEG, or nothing
+            self.odd += 1  # browsers get only JPEG pictures of announced cameras
             return
         key = self.robot, camera
         number = self._gallery.next_n(key)
@@ -130,7 +130,7 @@ class RobotMedia:
         self._gallery.put(ViewedPicture(key, number, frame))
 
     def _trouble(self, trouble: CameraTrouble) -> None:
-        """Pass on why a camera gives no picture, as its device says it."""
+        """Forward the device's reason why a camera has no pictures."""
         if trouble.camera not in self.cameras:
             self.odd += 1
             return
@@ -139,11 +139,11 @@ class RobotMedia:
             'text': trouble.text, 'codes': trouble.codes if is_small else {}})
 
     def wanted_changed(self) -> None:
-        """Note that what is watched has changed."""
+        """Notify that the watched cameras have changed."""
         self._want.set()
 
     async def tell_wanted(self) -> None:
-        """Tell the robot what is wanted, whenever that changes; for a task of its own."""
+        """Send the robot the requested cameras whenever they change; for a separate task."""
         while True:
             await self._want.wait()
             self._want.clear()
@@ -190,15 +190,15 @@ class RobotMedia:
 
 def captured_ns(picture: PictureFrame, now_ns: int) -> int:
     """
-    Return when a picture was captured, by the clock of the server.
+    Return the capture time of a picture by the clock of the server.
 
     The robot's own time of day (``utc_ns``) may be wrong by years, and is not used.
 
-    :param now_ns: when it came.
+    :param now_ns: its time of arrival.
     """
     at_least = now_ns - min(picture.age_ns, _AGE_MOST_NS)
     stated = picture.server_ns
-    # Sent before it came, and not years before: else the two clocks have parted since.
+    # It must be before the arrival, and not by years; otherwise the clocks have drifted apart.
     if stated and now_ns - _AGE_MOST_NS < stated <= now_ns:
         return min(stated, at_least)
     return at_least

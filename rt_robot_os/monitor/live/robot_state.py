@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the server knows of a robot: who it is, its newest signals, its open alarms."""
+"""The state of a robot on the server: identity, newest signals, open alarms."""
 
 from __future__ import annotations
 
@@ -34,28 +34,29 @@ from rt_robot_os.monitor.live.rights import Rights
 from rt_robot_os.monitor.live.rights import without
 from rt_robot_os.monitor.store.alarm_reuse import is_reused
 
-#: Signals that are kept of a robot; further ones are counted and left out.
+#: Most stored signals of a robot; further ones are counted and dropped.
 SIGNALS_MOST: Final = 2000
-#: Of the name of a signal.
+#: Longest name of a signal.
 SIGNAL_NAME_CHARACTERS: Final = 256
-#: Memory of one signal, and of all signals of a robot: one that takes more is null, and counted.
+#: Memory limits of one signal and of all signals of a robot; a larger value becomes null and is
+#: counted.
 SIGNAL_BYTES: Final = 2 << 20
 SIGNALS_BYTES: Final = 8 << 20
-#: Texts of a signal that are kept, for groups of clients with different rights.
+#: Most cached texts of a signal, for groups of clients with different rights.
 _TEXTS_MOST: Final = 16
-#: What is longer reaches nobody: it is null in messages.
+#: Longest value; a longer one is null in messages.
 SIGNAL_CHARACTERS: Final = 256 << 10
-#: Closed alarms are the database's; open ones beyond that as well.
+#: Most open alarms in memory; further ones and closed ones are only in the database.
 ALARMS_MOST: Final = 200
-#: Texts of an alarm that a page words by their codes.
+#: Texts of an alarm that the page translates by their codes.
 _WORDED: Final = ('text', 'why')
-#: Of what a robot of another release says of its own texts.
+#: Largest size of the codes that a robot of another release sends.
 _CODES_CHARACTERS: Final = 4000
 
 
 def encoded(value: Any) -> str:
-    """Write a value as the messages of the page have it."""
-    # In ASCII, so that there is nothing which a WebSocket could refuse to carry.
+    """Encode a value for messages to the page."""
+    # ASCII only, so that a WebSocket accepts every value.
     return json.dumps(value, allow_nan=False, separators=(',', ':'))
 
 
@@ -63,8 +64,8 @@ class Signal:
     """
     The newest value of a signal.
 
-    :ivar version: of the robot when it came.
-    :ivar size: memory that the value takes, in bytes.
+    :ivar version: the robot's version counter when it was received.
+    :ivar size: memory used by the value, in bytes.
     """
 
     __slots__ = ('version', 'utc_ns', 'value', 'size', '_name', '_texts')
@@ -78,7 +79,7 @@ class Signal:
         self._texts: dict[frozenset[str], str] = {}
 
     def text(self, hidden: frozenset[str]) -> str:
-        """Return it as a member of a JSON object, written once for all with the same rights."""
+        """Return it as a member of a JSON object, encoded once for clients with equal rights."""
         found = self._texts.get(hidden)
         if found is None:
             if len(self._texts) >= _TEXTS_MOST:
@@ -101,15 +102,15 @@ class RobotState:
     """
     A robot.
 
-    :ivar people: who live with it, as confirmed; None until that was confirmed once.
-    :ivar ever: those, and people of whom it sent records earlier.
+    :ivar people: its confirmed residents; None until they were confirmed once.
+    :ivar ever: these, and people about whom it sent records earlier.
     :ivar suggested: the people that it named when it connected.
-    :ivar retired: its token was revoked: that it is away is meant to be.
-    :ivar lost: records that gave way at the robot, by importance, as it counts them.
-    :ivar version: counts what came live; a signal has that with which it came.
-    :ivar signals_bytes: memory that the values of its signals take.
-    :ivar heard: when something came last, on the loop's clock.
-    :ivar offset_s: how far its clock is ahead of ours.
+    :ivar retired: its token was revoked, so its absence is intended.
+    :ivar lost: records that the robot has dropped, by importance, as counted by the robot.
+    :ivar version: counter of live messages; a signal stores the version at its arrival.
+    :ivar signals_bytes: memory used by the values of its signals.
+    :ivar heard: time of its last message, by the loop's clock.
+    :ivar offset_s: how far its clock is ahead of the server's.
     """
 
     id: str  # noqa: A003
@@ -138,30 +139,30 @@ class RobotState:
     signals_bytes: int = 0
 
     def count(self, what: str, how_many: int = 1) -> None:
-        """Count something of it, for `/api/status`."""
+        """Increment a counter of this robot, for `/api/status`."""
         self.counts[what] = self.counts.get(what, 0) + how_many
 
     @property
     def named(self) -> frozenset[str]:
-        """Return the people whose names may stand in what it sends."""
+        """Return the people whose names may occur in its messages."""
         return self.ever | self.suggested
 
     def lives_with(self, people: Iterable[str] | None, ever: Iterable[str] = ()) -> None:
-        """Note who is confirmed to live with it now, and of whom it has sent records."""
+        """Set its confirmed residents, and the people about whom it has sent records."""
         self.people = None if people is None else frozenset(people)
         self.ever = frozenset(ever) | (self.people or frozenset())
-        if self.signals:  # those that may be shown from now on count as new
+        if self.signals:  # signals that may be shown from now on count as new
             self.version += 1
             for each in self.signals.values():
                 each.version = self.version
 
     def knows(self, signal: str) -> bool:
-        """Return whether a signal is about nobody, or about a confirmed resident."""
+        """Return whether a signal is about no person, or about a confirmed resident."""
         kind, _, rest = signal.partition('/')
         return kind != 'health' or rest.partition('/')[0] in (self.people or ())
 
     def take(self, utc_ns: int, n: int, signals: Mapping[str, Any]) -> None:
-        """Take the signals of a ``live``; what is no signal is counted."""
+        """Store the signals of a ``live`` message; invalid entries are counted."""
         self.version += 1
         self.live_n, self.live_utc_ns = n, utc_ns
         for name, pair in (*signals.items(), *codes_of_signals(signals).items()):
@@ -174,7 +175,7 @@ class RobotState:
                 self._store(name, pair[0], pair[1])
 
     def drop_signals(self, is_dropped: Callable[[str, Any], bool]) -> None:
-        """Forget signals, by name and value, until they come again."""
+        """Remove signals, by name and value, until they are sent again."""
         self.signals = {name: each for name, each in self.signals.items()
                         if not is_dropped(name, each.value)}
         self.signals_bytes = sum(each.size for each in self.signals.values())
@@ -195,11 +196,11 @@ class RobotState:
     def take_alarm(self, event: Mapping[str, Any], utc_ns: int, boot: str = ''
                    ) -> dict[str, Any] | None:
         """
-        Take an event of an alarm.
+        Apply an event of an alarm.
 
         :param boot: the start of the robot that made it.
-        :return: the alarm as it is now; None when the event changes nothing: it came before, or
-            what is newer did.
+        :return: the present state of the alarm; None when the event changes nothing because it or
+            a newer one was received before.
         """
         try:
             parsed = AlarmEvent.from_dict(event)
@@ -239,7 +240,7 @@ class RobotState:
         self.count('alarms_forgotten')
 
     def shown(self, rights: Rights) -> dict[str, Any]:
-        """Return it as those with these rights see it."""
+        """Return the robot as visible with these rights."""
         hidden = rights.hidden(self.named)
         return {'id': self.id, 'name': without(self.name, hidden), 'connected': self.connected,
                 'silent': self.silent, 'retired': self.retired, 'last_seen_ns': self.last_seen_ns,
@@ -247,7 +248,7 @@ class RobotState:
                 'clock_offset_s': round(self.offset_s, 3), **without(self.about, hidden)}
 
     def alarm_shown(self, alarm: Mapping[str, Any], rights: Rights) -> dict[str, Any] | None:
-        """Return an alarm as those with these rights see it; None when it is not for them."""
+        """Return an alarm as visible with these rights; None when it is not visible."""
         if not rights.sees_robot(self.people):
             return None
         hidden = rights.hidden(self.named)
@@ -258,7 +259,7 @@ class RobotState:
 
 
 def _with_codes(alarm: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an alarm, and its events, with the codes of their texts beside these."""
+    """Return an alarm and its events, with the codes of their texts added."""
     found = {**alarm, 'codes': codes_of(alarm, _WORDED)}
     if 'events' in alarm:
         found['events'] = [{**each, 'codes': codes_of(each, _WORDED)} for each in alarm['events']]
@@ -266,7 +267,7 @@ def _with_codes(alarm: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _known(event: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what everybody is told of an event of an alarm, each part of bounded length."""
+    """Return the public part of an event of an alarm, each field of bounded length."""
     found = ALARM_EVENT.known(event)
     kinds = found.pop('kinds', None)
     found.pop('seq', None)
@@ -279,5 +280,5 @@ def _known(event: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def is_time(value: object) -> bool:
-    """Return whether it is a time in ns that every part can hold: 64 bits, never negative."""
+    """Return whether it is a valid time in ns: 64 bits, not negative."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1 << 63

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What goes out on a WebSocket: what is urgent first and all of it, then the newest of what is live.
+The outgoing queue of a WebSocket: first all urgent messages, then the newest live data.
 
-One task writes, so that a peer that reads slowly delays no other. Live data is made when its turn
-comes: nothing old is kept for a slow peer.
+One task writes, so that a slow peer does not delay others. Live data is encoded just before it is
+sent: no old data is queued for a slow peer.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class SendQueue:
     """
     The sending side of a connection.
 
-    :param websocket: accepted.
-    :ivar sent: messages that were handed to the network.
+    :param websocket: an accepted one.
+    :ivar sent: messages passed to the network.
     """
 
     def __init__(self, websocket: WebSocket) -> None:
@@ -61,7 +61,7 @@ class SendQueue:
 
     @property
     def waiting(self) -> int:
-        """Return how many urgent messages wait."""
+        """Return the number of queued urgent messages."""
         return len(self._urgent)
 
     @property
@@ -77,7 +77,7 @@ class SendQueue:
         """
         if self._urgent and (len(self._urgent) >= URGENT_MOST
                              or self._urgent_size + len(text) > URGENT_BYTES):
-            self.close(OVERRUN, 'too slow: what is urgent has piled up')
+            self.close(OVERRUN, 'too slow: too many urgent messages are queued')
             return False
         self._urgent.append(text)
         self._urgent_size += len(text)
@@ -85,22 +85,22 @@ class SendQueue:
         return True
 
     def send_urgent(self, key: str, text: str) -> None:
-        """Send a message before all that waits; it replaces one of its key that still waits."""
+        """Send a message before all queued ones; it replaces a queued one with the same key."""
         self._now.pop(key, None)
         self._now[key] = text
         self._wake.set()
 
     def offer(self, make: Callable[[], str | None]) -> None:
-        """Send what that makes when its turn comes; offered again before that it is sent once."""
+        """Queue a function that makes a message when it is sent, once even if offered again."""
         self._ready[make] = None
         self._wake.set()
 
     def withdraw(self, make: Callable[[], str | None]) -> None:
-        """Send that no more."""
+        """Withdraw a queued function."""
         self._ready.pop(make, None)
 
     def close(self, code: int, reason: str) -> None:
-        """Close it; what waits is not sent any more."""
+        """Close it; queued messages are dropped."""
         if self._close is None:
             self._close = (code, reason)
             self._wake.set()
@@ -114,7 +114,7 @@ class SendQueue:
                 await self._send_all()
             await self._websocket.close(*self._close)
         except (WebSocketDisconnect, RuntimeError):
-            pass  # the peer has gone: the reading task notices
+            pass  # the peer has disconnected: the reading task notices
         except Exception:
             _LOG.exception('a connection is closed because of a defect')
             with suppress(WebSocketDisconnect, RuntimeError):

@@ -47,7 +47,7 @@ SILENT_S: Final = 3.0
 CLIENTS_MOST: Final = 50
 MESSAGE_CHARACTERS: Final = 1000
 RATE_MOST_HZ: Final = 200
-#: From one note that the driver's session is in use to the next.
+#: Period at which the driver's session is marked as used.
 TOUCH_S: Final = 60.0
 #: Codes of the end of a connection.
 UNKNOWN: Final = 4404
@@ -91,7 +91,7 @@ class TeleopSessions:
             if tasks[1].done() and not tasks[1].cancelled() and tasks[1].exception() is None:
                 why = str(tasks[1].result())
         finally:
-            # Before all else: whatever fails then, the robot stands.
+            # First of all, so that the robot stops whatever fails afterwards.
             had = session.leave(client, client.ended or why) or bool(client.ended)
             if not session.clients:
                 self._sessions.pop(robot, None)
@@ -102,7 +102,7 @@ class TeleopSessions:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     def statistics(self) -> dict[str, Any]:
-        """Return who drives which robot, and what was refused."""
+        """Return the driver of each robot, and counters of refused commands."""
         return {robot: {'driver': session.lease.holder.name if session.lease.holder else '',
                         'seats': len(session.clients), 'refused': session.refused,
                         'lost': session.lost}
@@ -112,7 +112,7 @@ class TeleopSessions:
 
     async def _listen(self, websocket: WebSocket, actor: Actor, session: TeleopSession,
                       client: TeleopClient) -> str:
-        """Do what the page requests until its connection ends; return why it ended."""
+        """Process requests of the page until its connection ends; return why it ended."""
         loop = asyncio.get_running_loop()
         window_s, count, touched_s = loop.time(), 0, 0.0
         while True:
@@ -130,7 +130,7 @@ class TeleopSessions:
             try:
                 message = decode(text[:MESSAGE_CHARACTERS])
             except ValueError:
-                return self._close(client, BAD, 'not a message')
+                return self._close(client, BAD, 'not a valid message')
             await self._do(actor, session, client, message)
             if client.driven and loop.time() - touched_s > TOUCH_S:
                 touched_s = loop.time()
@@ -171,13 +171,13 @@ class TeleopSessions:
 
     def _note_end(self, actor: Actor, session: TeleopSession, client: TeleopClient, had: bool,
                   why: str) -> None:
-        """Note in the audit that a driver no longer drives."""
+        """Write to the audit that a driver no longer drives."""
         if had:
             self._services.audit.note_soon(actor, 'drive.end', session.robot, why=why,
                                            commands=client.driven)
 
     def _touch_soon(self, session: str) -> None:
-        """Note that a session is used, without waiting for the disk: a stop comes first."""
+        """Mark a session as used without waiting for the disk, which must not delay a stop."""
         task = asyncio.ensure_future(asyncio.to_thread(self._touch, session))
         self._later.add(task)
         task.add_done_callback(self._later.discard)
@@ -217,7 +217,7 @@ class TeleopSessions:
             self._look(session)
 
     def _revoked(self, revoked: Revoked) -> None:
-        """End what an account's session holds, immediately."""
+        """End the connections of an account's session immediately."""
         if revoked.kind != 'session':
             return
         for session in list(self._sessions.values()):

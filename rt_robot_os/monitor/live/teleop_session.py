@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Tele-operation of one robot: which pages are open, which of them drives, what the robot gets.
+Teleoperation of one robot: the open pages, the one that drives, the messages to the robot.
 
 A client is one open connection of a page that may drive; a user with two windows has two. All of
 it is for the event loop.
@@ -49,8 +49,8 @@ class TeleopClient:
 
     :param name: of the user.
     :param queue: the sending side.
-    :ivar driven: commands with the dead-man switch pressed that went to the robot.
-    :ivar ended: why it lost the right to drive before it was closed; empty when it did not.
+    :ivar driven: commands with a pressed dead-man switch that were sent to the robot.
+    :ivar ended: why it lost the right to drive before it was closed; otherwise empty.
     """
 
     def __init__(self, name: str, session: str, queue: SendQueue) -> None:
@@ -63,11 +63,11 @@ class TeleopClient:
         self._beat: str | None = None
 
     def tell(self, kind: str, **content: Any) -> None:
-        """Send a message that must arrive."""
+        """Send a message that must not be dropped."""
         self.queue.send(encode(kind, content))
 
     def show(self, beat: str) -> None:
-        """Send the newest heart-beat when its turn comes; one that still waits is dropped."""
+        """Send the newest heartbeat; one that is still queued is dropped."""
         self._beat = beat
         self.queue.offer(self._newest)
 
@@ -80,7 +80,7 @@ class TeleopSession:
     """
     The pages that may drive one robot.
 
-    :param forward: to the robot.
+    :param forward: sends a message to the robot.
     :ivar refused: commands that were malformed, or of a page that does not drive.
     :ivar lost: commands while the robot was not connected.
     """
@@ -95,7 +95,7 @@ class TeleopSession:
         self._forward = forward
 
     def enter(self, client: TeleopClient) -> None:
-        """Add a page; that moves nothing."""
+        """Add a page; it does not get the right to drive."""
         self.clients[client] = None
         client.tell('seat', **self._state(client))
 
@@ -107,7 +107,7 @@ class TeleopSession:
 
     def take(self, client: TeleopClient, over: bool) -> TeleopClient | None:
         """
-        Let a page drive; the robot stops for the one before, which is notified.
+        Give a page the right to drive; the robot stops, and the previous driver is notified.
 
         :return: the page that drove before.
         :raises HeldByAnotherError: another page drives, and ``over`` is false.
@@ -135,7 +135,7 @@ class TeleopSession:
         return True
 
     def drive(self, client: TeleopClient, message: Mapping[str, Any]) -> bool:
-        """Send a command on, within the robot's limits; return whether it was sent."""
+        """Forward a command, limited to the robot's limits; return whether it was sent."""
         try:
             command = DriveCommand.from_json(message)
         except ValueError:
@@ -154,7 +154,7 @@ class TeleopSession:
         return went
 
     def beat(self, message: DriveBeat) -> None:
-        """Show a heart-beat of the robot to the driver whose lease it is for."""
+        """Forward a heartbeat of the robot to the driver whose lease it belongs to."""
         holder = self.lease.holder
         if holder is not None and message.lease == self.lease.key:
             beat = message.for_page()

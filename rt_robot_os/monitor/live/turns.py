@@ -12,24 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How often a user may change what they watch: by what it costs, over all their connections."""
+"""Rate limit for changes of a user's watches, by cost, over all their connections."""
 
 from __future__ import annotations
 
 from typing import Final
 
-#: Watches of one user, over all connections.
+#: Most watches of one user, over all connections.
 WATCHES_MOST: Final = 48
-#: What a watch costs at least, and for each comparison of a name with a pattern, in seconds.
+#: Minimum cost of a watch, and cost of each comparison of a name with a pattern, in seconds.
 WATCH_S: Final = 0.25
 COMPARISON_S: Final = 2e-5
-#: What a user may use in one burst; it is regained in real time.
+#: Cost that a user may use in one burst; it is regained in real time.
 BURST_S: Final = 10.0
 _USERS_MOST: Final = 2000
 
 
 class WatchQuota:
-    """Users who watch; for the event loop alone."""
+    """The watch quota of users; for the event loop alone."""
 
     def __init__(self) -> None:
         self._next_s: dict[str, float] = {}
@@ -39,8 +39,8 @@ class WatchQuota:
         """
         Charge a user for a watch.
 
-        :param comparisons: of names with patterns, which it takes.
-        :param now_s: of any clock that never steps.
+        :param comparisons: number of comparisons of names with patterns.
+        :param now_s: by a monotonic clock.
         :return: how long to wait before it is served.
         """
         before = self._next_s.pop(user, now_s - BURST_S)
@@ -51,14 +51,14 @@ class WatchQuota:
         return max(0.0, found - now_s)
 
     def begin(self, user: str) -> bool:
-        """Count a watch; False when the user has as many as they may have."""
+        """Add a watch; False when the user has too many."""
         if self._watches.get(user, 0) >= WATCHES_MOST:
             return False
         self._watches[user] = self._watches.get(user, 0) + 1
         return True
 
     def end(self, user: str) -> None:
-        """Count a watch that has ended."""
+        """Remove a watch."""
         self._watches[user] -= 1
         if not self._watches[user]:
             del self._watches[user]

@@ -113,7 +113,7 @@ export interface CodedAlarm {
   [more: string]: any;
 }
 
-/** What the robot said to it; ``codes`` has the code of its text, if it has one. */
+/** The robot's answer; ``codes`` has the code of its text, if it has one. */
 export interface CommandResponse {
   ok: boolean;
   text: string;

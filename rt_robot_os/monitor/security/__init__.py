@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who may come in, what each may do and see, and the log of what they did."""
+"""Authentication, permissions, and the audit of what users did and saw."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Everything about who may come in, in one object that the server hands to its parts."""
+"""All parts of authentication in one object that the server passes to its other parts."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ from sqlalchemy import Engine
 _LOG: Final = logging.getLogger(__name__)
 ENDED: Final = 4401
 CHANGED: Final = 4403
-#: How soon the server notes what another process changed.
+#: Period at which the server checks for changes by other processes.
 WATCH_S: Final = 1.0
 _KEY: Final = 'audit.key'
 _KEY_BYTES: Final = 32
-#: Sessions and robots that hold connections; more than the server takes.
+#: Most sessions and robots with connections; more than the server accepts.
 _FOLLOWED: Final = 20_000
 
 
@@ -66,8 +66,8 @@ class Revoked:
     """
     A session or a robot whose connections must end now.
 
-    :ivar code: with which a WebSocket closes: 4401 it ended, 4403 its rights changed (the page
-        connects again, and has what it may have).
+    :ivar code: close code of the WebSocket: 4401 it ended, 4403 its rights changed (the page
+        reconnects with its new rights).
     """
 
     kind: Literal['session', 'robot']
@@ -88,8 +88,8 @@ class Accounts:
         """
         Make it.
 
-        :param key: of the audit.
-        :param hasher: quicker ones are for tests.
+        :param key: the key of the audit.
+        :param hasher: tests use a faster one.
         :param now_ns: the clock, UTC.
         """
         self.now_ns = now_ns
@@ -110,17 +110,17 @@ class Accounts:
         self._lock = threading.Lock()
         self._callbacks: list[Callback] = []
         self._loop: asyncio.AbstractEventLoop | None = None
-        #: What each session with a connection may do, and the token of each robot with one.
+        #: The rights of each connected session, and the token hash of each connected robot.
         self._sessions: dict[str, tuple[Any, ...]] = {}
         self._robots: dict[str, str] = {}
 
     @classmethod
     def open(cls, engine: Engine, folder: Path, **options: Any) -> Accounts:  # noqa: A003
         """
-        Make it, with the key of the audit from a folder; it is made when there is none.
+        Make it with the key of the audit from a folder; the key is created when missing.
 
         :param options: of the constructor.
-        :raises StartError: the key cannot be read or made, or is that of another audit.
+        :raises StartError: the key cannot be read or created, or belongs to another audit.
         """
         accounts = cls(engine, audit_key(folder), **options)
         if not accounts.audit.is_ours():
@@ -132,7 +132,7 @@ class Accounts:
 
     def restore_limits(self) -> None:
         """
-        Go on with the limits of wrong passwords where the last process of the server ended.
+        Restore the limits of wrong passwords from before the restart of the server.
 
         :raises StoreError: the database cannot be read.
         """
@@ -150,12 +150,12 @@ class Accounts:
         return link_of(base_url, self.invitations.make(None))
 
     def on_revoked(self, callback: Callback) -> None:
-        """Have something called, on the event loop, when a session or a robot must go."""
+        """Register a callback that runs on the event loop when a session or a robot is revoked."""
         self._callbacks.append(callback)
 
     def follow(self, session: Session) -> bool:
         """
-        Look after a session that holds a connection open, until :meth:`unfollow`.
+        Watch a session that holds a connection open, until :meth:`unfollow`.
 
         :return: False when the session or its user has as many connections as they may have.
         """
@@ -167,37 +167,37 @@ class Accounts:
         return True
 
     def unfollow(self, session: Session) -> None:
-        """Note that a connection has ended; a session without one costs nothing."""
+        """Register the end of a connection; a session without connections is not watched."""
         if self.connected.remove(session):
             with self._lock:
                 self._sessions.pop(session.id, None)
 
     def follow_robot(self, robot: str, kept_token: str) -> None:
-        """Look after a robot that holds a connection open."""
+        """Watch a robot that holds a connection open."""
         with self._lock:
             if len(self._robots) < _FOLLOWED:
                 self._robots[robot] = kept_token
 
     async def session_of(self, secret: str) -> Session | None:
         """
-        Return the good session of a cookie; while the database is away as it was known last.
+        Return the valid session of a cookie; from memory while the database is unavailable.
 
-        :raises StoreError: the database is away, and this session is not known.
+        :raises StoreError: the database is unavailable, and this session is not in memory.
         """
         return await self.questions.ask(lambda: self.sessions.find(secret),
                                         lambda: self.sessions.remembered(secret))
 
     async def robot_of(self, token: str) -> RobotAccount | None:
         """
-        Return the robot of a token; while the database is away as it was known last.
+        Return the robot of a token; from memory while the database is unavailable.
 
-        :raises StoreError: the database is away, and this token is not known.
+        :raises StoreError: the database is unavailable, and this token is not in memory.
         """
         return await self.questions.ask(lambda: self.robots.find(token),
                                         lambda: self.robots.remembered(token))
 
     def alive(self, session: str) -> bool:
-        """Return whether a session that holds a connection was not ended; looks in memory."""
+        """Return whether a connected session has not ended; reads memory only."""
         with self._lock:
             return session in self._sessions
 
@@ -214,12 +214,12 @@ class Accounts:
         return len(ended)
 
     def rights_changed(self, session: str) -> None:
-        """Tell connections of a session that what it may see has changed."""
+        """Notify the connections of a session that its rights have changed."""
         self._tell(Revoked('session', session, CHANGED, 'what you may see has changed'))
 
     def revoke_robot(self, name_or_id: str) -> str:
         """
-        Let a robot in no more, and end its connection.
+        Revoke a robot's token, and end its connection.
 
         :return: its name.
         :raises AccountError: there is no such robot.
@@ -229,7 +229,7 @@ class Accounts:
         return robot.name
 
     async def watch(self) -> None:
-        """Look each second for what ended by time or by another process, until cancelled."""
+        """Check each second for sessions and robots that have ended, until cancelled."""
         self._loop = asyncio.get_running_loop()
         try:
             while True:
@@ -240,13 +240,13 @@ class Accounts:
                 except StoreError as error:
                     fault = str(error)
                 if fault and not self._fault:
-                    _LOG.warning('sessions and robots are as they were known last: %s', fault)
+                    _LOG.warning('sessions and robots are checked from memory: %s', fault)
                 self._fault = fault
         finally:
             self._loop = None
 
     def look(self) -> None:
-        """Look once: end what is good no more."""
+        """Check once: end the connections of invalid sessions and robots."""
         with self._lock:
             followed, robots = dict(self._sessions), dict(self._robots)
         if followed:
@@ -256,7 +256,7 @@ class Accounts:
                     self._tell(Revoked('session', each, ENDED, 'the session has ended'))
                 elif _rights(now[each]) != rights:
                     self.rights_changed(each)
-        tokens = self.robots.tokens()  # also for robots that come while the database is away
+        tokens = self.robots.tokens()  # also for robots that connect during an outage
         for each, token in robots.items():
             if tokens.get(each) != token:
                 self._tell(Revoked('robot', each, ENDED, 'the token of this robot was revoked'))
@@ -264,7 +264,7 @@ class Accounts:
         self.audit.save_waiting()
 
     def soon(self, work: Callable[..., object], *arguments: object) -> None:
-        """Do something on the event loop of the server; at once where there is none."""
+        """Run work on the event loop of the server; immediately if there is no loop."""
         loop = self._loop
         if loop is None:
             work(*arguments)
@@ -272,7 +272,7 @@ class Accounts:
             loop.call_soon_threadsafe(work, *arguments)
 
     def close(self) -> None:
-        """Let go of threads; what they have to write is written."""
+        """End the threads after their pending writes."""
         self.questions.close()
         self.passwords.close()
         self.sessions.close()
@@ -286,20 +286,21 @@ class Accounts:
 
 
 def link_of(base_url: str, secret: str) -> str:
-    """Write a one-time link; behind the ``#`` it is in no log, since browsers do not send it."""
+    """Return a one-time link. Browsers do not send the part after ``#``, so it is in no log."""
     return f'{base_url.rstrip("/")}/#/setup/{secret}'
 
 
 def audit_key(folder: Path) -> bytes:
     """
-    Read the key of the audit; it is made when there is none.
+    Read the key of the audit; it is created when missing.
 
-    :raises StartError: it cannot be read or made, or is none.
+    :raises StartError: it cannot be read or created, or is not valid.
     """
     path = folder / _KEY
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        # Complete before it has its name: two that start at once take the same key.
+        # Written completely before it gets its name: two servers that start together use the same
+        # key.
         fresh = folder / f'.{_KEY}.{os.getpid()}.{secrets.token_hex(4)}'
         if not path.exists():
             with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), 'w') as file:

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The audit: who did and saw what, as a chain that shows each change.
+The audit: who did and saw what, as a chain that reveals each change.
 
-Each row carries an HMAC over itself and over that of the row before. Who can write into the
-database but does not have the key cannot change, remove, insert or swap a row without
-:meth:`Audit.verify` finding it; the head, which is sealed by the key as well, says how long the
-chain is.
+Each row carries an HMAC over itself and over the HMAC of the row before. An attacker who can write
+into the database but does not have the key cannot change, remove, insert or swap a row without
+detection by :meth:`Audit.verify`. The head, also sealed with the key, states the length of the
+chain.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ _LOG: Final = logging.getLogger(__name__)
 _FIRST: Final = '0' * 64
 _HEAD: Final = 1
 _PAGE: Final = 1000
-#: Rows that could not be written and wait for the disk.
+#: Most rows that could not be written and wait for the disk.
 _WAITING: Final = 10_000
-#: After a failure rows wait for so long without another attempt.
+#: Time after a failure until the next attempt to write.
 _RETRY_S: Final = 1.0
-#: Who reads the same thing again within this time leaves one row.
+#: Repeated reading of the same object within this time leaves one row.
 READ_AGAIN_S: Final = 600
 _READS: Final = 10_000
 _COLUMNS: Final = ('seq', 't_ns', 'actor', 'name', 'role', 'address', 'action', 'object',
@@ -65,7 +65,7 @@ _COLUMNS: Final = ('seq', 't_ns', 'actor', 'name', 'role', 'address', 'action', 
 
 
 class Subject(Protocol):
-    """Who did it; a :class:`~rt_robot_os.monitor.security.guard.Actor` is one."""
+    """The actor of a row, such as :class:`~rt_robot_os.monitor.security.guard.Actor`."""
 
     @property
     def id(self) -> str:  # noqa: A003
@@ -81,12 +81,12 @@ class Subject(Protocol):
 
     @property
     def address(self) -> str:
-        """Return where it came from."""
+        """Return its network address."""
 
 
 @dataclass(frozen=True)
 class Somebody:
-    """Somebody without a session: at the console, or who tries to log in."""
+    """An actor without a session: at the console, or during a login."""
 
     name: str
     address: str = ''
@@ -100,11 +100,11 @@ CONSOLE: Final = Somebody('console', 'console')
 @dataclass(frozen=True)
 class ChainVerdict:
     """
-    What a check of the chain found.
+    The result of a check of the chain.
 
-    :ivar rows: how many were read.
-    :ivar head: the last number and its HMAC: to be noted elsewhere.
-    :ivar problems: a line each; none when it is whole.
+    :ivar rows: number of rows read.
+    :ivar head: the last number and its HMAC, to be noted elsewhere.
+    :ivar problems: one line each; empty when the chain is intact.
     """
 
     rows: int
@@ -113,32 +113,32 @@ class ChainVerdict:
 
     @property
     def is_whole(self) -> bool:
-        """Return whether nothing was changed."""
+        """Return whether the chain is intact."""
         return not self.problems
 
 
 class Audit:
-    """The audit; safe for several threads and several processes."""
+    """The audit; safe for threads and processes."""
 
     def __init__(self, engine: Engine, key: bytes,
                  now_ns: Callable[[], int] = time.time_ns) -> None:
         """
         Make it.
 
-        :param key: of the HMAC, from a file beside the database.
+        :param key: of the HMAC, from a file next to the database.
         """
         self._engine = engine
         self._key = key
         self._now_ns = now_ns
         self._lock = threading.Lock()
-        self._memory_lock = threading.Lock()  # never held while the disk is awaited
+        self._memory_lock = threading.Lock()  # never held while waiting for the disk
         self._waiting: deque[dict[str, Any]] = deque()
         self._reads: OrderedDict[tuple[str, str, str], int] = OrderedDict()
-        # One: rows stand in the order in which things happened.
+        # One thread, so that rows are in the order of the events.
         self._writer = ThreadPoolExecutor(1, 'audit')
         self._submitted = 0
         self._retry_s = 0.0
-        #: Rows that were lost since the disk took none for too long.
+        #: Rows that were lost because they could not be written for too long.
         self.lost = 0
 
     @property
@@ -149,23 +149,23 @@ class Audit:
     def note(self, actor: Subject, action: str, object: str,  # noqa: A002
              **details: Any) -> None:
         """
-        Write a row; on the disk when this returns.
+        Write a row; it is on the disk when this returns.
 
-        When the database takes none, it is kept and written before the next one, and the log has
-        it: to stop a robot or to answer an alarm does not wait for a disk.
+        When the database accepts no rows, the row is queued, written before the next one, and
+        logged: stopping a robot or acknowledging an alarm does not wait for the disk.
 
         :param action: such as ``alarm.acknowledge``.
-        :param object: what it was done to.
+        :param object: the object of the action.
         """
         self._put(_row(self._now_ns(), actor, action, object, details), False)
 
     def note_soon(self, actor: Subject, action: str, object: str,  # noqa: A002
                   **details: Any) -> None:
-        """Write a row, as :meth:`note`, without waiting for it; behind those before."""
+        """Write a row like :meth:`note`, after earlier ones, without waiting for it."""
         self._put_soon(_row(self._now_ns(), actor, action, object, details))
 
     def _put_soon(self, row: dict[str, Any]) -> None:
-        if self._submitted >= _WAITING:  # the database neither takes rows nor refuses them
+        if self._submitted >= _WAITING:  # the database neither accepts rows nor refuses them
             self.lost += 1
             _LOG.error('the audit cannot be written: %s', json.dumps(row))
             return
@@ -173,7 +173,7 @@ class Audit:
         try:
             self._writer.submit(self._put, row, False, True).add_done_callback(
                 lambda _: self._count_submitted(-1))
-        except RuntimeError:  # closed: a connection that ends after the server
+        except RuntimeError:  # closed: this connection ended after the server
             self._count_submitted(-1)
             self._put(row, False)
 
@@ -183,35 +183,35 @@ class Audit:
 
     def save_waiting(self) -> None:
         """
-        Write the rows that wait.
+        Write the queued rows.
 
-        :raises StoreError: the database is still away.
+        :raises StoreError: the database is still unavailable.
         """
         with self._lock:
             self._write_waiting()
 
     def pseudonym(self, text: str) -> str:
-        """Return what stands for a text: only who has the key and the text can compare it."""
+        """Return a keyed digest of a string: comparing it needs the key and the string."""
         return hmac.new(self._key, text.encode(), hashlib.sha256).hexdigest()[:32]
 
     def close(self) -> None:
-        """Wait until everything that was noted is written."""
+        """Wait until all rows are written."""
         self._writer.shutdown()
 
     def read(self, actor: Subject, action: str, object: str,  # noqa: A002
              **details: Any) -> None:
         """
-        Write that somebody read health data; one row for the same within ten minutes.
+        Write that the actor read health data; one row per object within ten minutes.
 
-        :raises StoreError: it cannot be written: then it must not be read either.
+        :raises StoreError: the row cannot be written; then the data must not be read.
         """
         self._once(actor, action, object, details, lambda row: self._put(row, True))
 
     def open(self, actor: Subject, what: str, **details: Any) -> None:  # noqa: A003
         """
-        Write that somebody opened a connection for what is live, once in ten minutes.
+        Write that the actor opened a connection for live data, once in ten minutes.
 
-        Does not wait for the disk: safe on an event loop.
+        It does not wait for the disk: safe on an event loop.
         """
         self._once(actor, 'socket.open', what, details, self._put_soon)
 
@@ -269,9 +269,9 @@ class Audit:
         """
         Read rows.
 
-        :param after: with a greater number than that; ``before``: with a smaller one.
-        :param name: of that actor only.
-        :param action: of those actions only that begin so.
+        :param after: only rows with a greater number; ``before``: with a smaller one.
+        :param name: only rows of this actor.
+        :param action: only rows whose action has this prefix.
         """
         query = select(audit).where(audit.c.seq > after)
         if before is not None:
@@ -286,7 +286,7 @@ class Audit:
         return [_shown(row) for row in found]
 
     def all_rows(self) -> Iterator[dict[str, Any]]:
-        """Read all rows, in parts."""
+        """Yield all rows, read in batches."""
         after = 0
         while rows := self.rows(after):
             yield from rows
@@ -296,7 +296,7 @@ class Audit:
         """
         Check the chain from its first row to its head.
 
-        :param noted: a head that an earlier check printed: that row must be there as it was.
+        :param noted: a head printed by an earlier check: that row must exist unmodified.
         """
         check = _Check(self._mac, noted)
         with reading(self._engine) as connection:
@@ -325,8 +325,8 @@ class Audit:
         """
         Return whether the audit was written with this key, or is empty.
 
-        With another key the chain would break for both. A good seal or one good row suffices: what
-        else was changed is found by :meth:`verify`, and keeps no server from starting.
+        Writing with another key would break the chain for both keys. A valid seal or one valid row
+        suffices: :meth:`verify` finds other changes, which do not prevent a start of the server.
         """
         with reading(self._engine) as connection:
             rows = connection.execute(select(audit).order_by(audit.c.seq.desc()).limit(_PAGE)
@@ -340,7 +340,7 @@ class Audit:
         return hmac.compare_digest(row.mac, self._mac([getattr(row, name) for name in _COLUMNS]))
 
     def _came_since(self, last: int) -> bool:
-        """Return whether the head went on while the chain was read."""
+        """Return whether the head advanced while the chain was read."""
         with reading(self._engine) as connection:
             head = connection.execute(select(audit_head.c.seq)).scalar_one_or_none()
         return head is not None and head > last
@@ -354,7 +354,7 @@ class Audit:
 
 
 class _Check:
-    """Follows the chain; of problems it keeps the first hundred."""
+    """Checks the rows of the chain in order; it stores the first hundred problems."""
 
     def __init__(self, mac: Callable[[list[Any]], str], noted: str) -> None:
         self._mac_of = mac
@@ -391,7 +391,7 @@ class _Check:
 
 def _row(now_ns: int, actor: Subject, action: str, what: str,
          details: dict[str, Any]) -> dict[str, Any]:
-    # What PostgreSQL cannot keep, or a terminal would obey, comes from clients.
+    # Clients may send characters that PostgreSQL cannot store or that control a terminal.
     text = json.dumps(details, ensure_ascii=True, default=str, sort_keys=True)
     if len(text) > 4000:
         text = json.dumps({'cut': text[:3800]})

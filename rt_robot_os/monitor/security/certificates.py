@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A certificate authority of one's own, for a server in a network without names of the world.
+A private certificate authority, for a server in a network without public DNS names.
 
-The authority is installed on each tablet once; the server's certificate is renewed without that.
-So that a stolen key of it does little harm on those tablets, it may only vouch for private
-addresses, for local names, and for the names that it was made with.
+The authority is installed once on each tablet; the server's certificate is renewed without that.
+To limit the harm of a stolen key, the authority is constrained to private addresses, local names,
+and the names that it was created with.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ from cryptography.x509.oid import NameOID
 from rt_robot_os.base.errors import StartError
 
 CA_DAYS: Final = 3650
-#: Tablets of Apple take no longer one.
+#: Longest validity that Apple devices accept.
 SERVER_DAYS: Final = 397
-#: From when on a renewal is due.
+#: Remaining validity at which a renewal is due.
 RENEW_DAYS: Final = 30
 CA_FILE: Final = 'ca.pem'
 CA_KEY_FILE: Final = 'ca.key'
 SERVER_FILE: Final = 'server.pem'
 SERVER_KEY_FILE: Final = 'server.key'
-#: A clock of a tablet may be behind.
+#: The clock of a tablet may be behind by this much.
 _EARLIER: Final = timedelta(hours=24)
 _NAME: Final = re.compile(r'(?=.{1,253}$)([a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?)'
                           r'(\.[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?)*', re.ASCII)
@@ -72,10 +72,10 @@ _Key = ec.EllipticCurvePrivateKey
 @dataclass(frozen=True)
 class Certificate:
     """
-    What was made.
+    The created certificates.
 
-    :ivar names: what the server's certificate is good for.
-    :ivar is_new_authority: it must be installed on the tablets.
+    :ivar names: names and addresses in the server's certificate.
+    :ivar is_new_authority: the authority is new and must be installed on the tablets.
     """
 
     authority: Path
@@ -90,18 +90,18 @@ class Certificate:
 def make(folder: Path, names: Sequence[str], *, days: int = SERVER_DAYS,
          renew_authority: bool = False, now: datetime | None = None) -> Certificate:
     """
-    Make or renew the server's certificate, and the authority if there is none.
+    Create or renew the server's certificate, and create the authority if there is none.
 
-    :param names: host names and addresses of the server; those of this machine itself are added.
-    :param days: how long it is good; no longer than the authority.
-    :param renew_authority: make a new authority as well: each tablet must install it.
-    :raises StartError: a name is none, the authority may not vouch for it or has ended, or the
-        folder cannot be written.
+    :param names: host names and addresses of the server; those of this machine are added.
+    :param days: validity; at most that of the authority.
+    :param renew_authority: create a new authority as well, which each tablet must install.
+    :raises StartError: a name is not valid or not allowed for the authority, the authority has
+        expired, or the folder is not writable.
     """
     now = now or datetime.now(timezone.utc)
     entries = _entries([*names, 'localhost', '127.0.0.1', '::1'])
     if not 1 <= days <= SERVER_DAYS:
-        raise StartError(f'--days {days}: 1 to {SERVER_DAYS}; tablets take no longer certificate')
+        raise StartError(f'--days {days}: 1 to {SERVER_DAYS}; tablets accept no longer validity')
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         is_new = renew_authority or not (folder / CA_FILE).exists()
@@ -125,7 +125,7 @@ def make(folder: Path, names: Sequence[str], *, days: int = SERVER_DAYS,
 
 def days_left(path: Path, now: datetime | None = None) -> float:
     """
-    Return for how many days a certificate is still good; negative when it has ended.
+    Return the days until a certificate expires; negative when it has expired.
 
     :raises StartError: the file cannot be read or is none.
     """
@@ -136,7 +136,7 @@ def days_left(path: Path, now: datetime | None = None) -> float:
 
 def names_of(path: Path) -> list[str]:
     """
-    Return the names and addresses that a certificate is good for.
+    Return the names and addresses in a certificate.
 
     :raises StartError: the file cannot be read or is none.
     """
@@ -148,7 +148,7 @@ def names_of(path: Path) -> list[str]:
 
 
 def fingerprint(certificate: x509.Certificate) -> str:
-    """Return by what people compare it: SHA-256 in pairs of figures."""
+    """Return its SHA-256 fingerprint as pairs of hexadecimal digits."""
     return certificate.fingerprint(hashes.SHA256()).hex(':').upper()
 
 
@@ -174,7 +174,7 @@ def _entry(name: str) -> x509.GeneralName:
 def _make_authority(folder: Path, entries: Sequence[x509.GeneralName], now: datetime) -> None:
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(NameOID.ORGANIZATION_NAME, 'rt_robot_os monitor'),
-                      # Two of them are told apart in the list of a tablet.
+                      # Distinguishes two authorities in the list of a tablet.
                       x509.NameAttribute(NameOID.COMMON_NAME, 'rt_robot_os monitor CA '
                                          f'{now:%Y-%m-%d} {secrets.token_hex(3)}')])
     public = key.public_key()
@@ -223,8 +223,8 @@ def _check_may_vouch(authority: x509.Certificate, entries: Sequence[x509.General
     wrong = [_shown(each) for each in entries
              if not _is_within(each, limits.permitted_subtrees or ())]
     if wrong:
-        raise StartError(f'the authority may not vouch for {", ".join(wrong)}: with '
-                         '--renew-authority a new one is made, which each tablet must install')
+        raise StartError(f'the authority may not certify {", ".join(wrong)}: with '
+                         '--renew-authority a new one is created, which each tablet must install')
 
 
 def _read_authority(folder: Path, now: datetime) -> tuple[x509.Certificate, _Key]:
@@ -232,12 +232,12 @@ def _read_authority(folder: Path, now: datetime) -> tuple[x509.Certificate, _Key
     try:
         key = serialization.load_pem_private_key((folder / CA_KEY_FILE).read_bytes(), None)
     except (ValueError, TypeError) as error:
-        raise StartError(f'{folder / CA_KEY_FILE} is no private key: {error}') from error
+        raise StartError(f'{folder / CA_KEY_FILE} is not a private key: {error}') from error
     if not isinstance(key, _Key) or key.public_key() != authority.public_key():
         raise StartError(f'{folder / CA_KEY_FILE} is not the key of {folder / CA_FILE}')
     if authority.not_valid_after_utc <= now:
-        raise StartError(f'{folder / CA_FILE} has ended: with --renew-authority a new one is '
-                         'made, which each tablet must install')
+        raise StartError(f'{folder / CA_FILE} has expired: with --renew-authority a new one is '
+                         'created, which each tablet must install')
     return authority, key
 
 
@@ -258,7 +258,7 @@ def _server(authority: x509.Certificate, authority_key: _Key, key: _Key,
     try:
         found.verify_directly_issued_by(authority)
     except (InvalidSignature, ValueError) as error:
-        raise StartError(f'the authority is not whole: {error}; --renew-authority makes a new '
+        raise StartError(f'the authority is incomplete: {error}; --renew-authority creates a new '
                          'one') from error
     return found
 
@@ -283,7 +283,7 @@ def _read(path: Path) -> x509.Certificate:
     except OSError as error:
         raise StartError(f'{path}: {error.strerror}') from error
     except ValueError as error:
-        raise StartError(f'{path} is no certificate: {error}') from error
+        raise StartError(f'{path} is not a certificate: {error}') from error
 
 
 def _pem(certificate: x509.Certificate) -> bytes:
@@ -300,7 +300,7 @@ def _shown(entry: x509.GeneralName) -> str:
 
 
 def _write(path: Path, content: bytes, mode: int) -> None:
-    """Write a file whole or not at all, with its mode from the beginning."""
+    """Write a file atomically, with its mode from the beginning."""
     fresh = path.with_name(f'.{path.name}.{secrets.token_hex(4)}')
     try:
         with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, mode),

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The words that people take first, alone or with figures behind them, where a password must be long.
+The most common words in long passwords, alone or followed by digits.
 
-A list of all that ever leaked would be larger than this package. What is left of it at the length
-that is asked for are these, rows of the keyboard, and a word with figures behind it.
+A list of all leaked passwords would be larger than this package. At the required length the common
+ones are these, rows of the keyboard, and a word followed by digits.
 """
 
 from __future__ import annotations

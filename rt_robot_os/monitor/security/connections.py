@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Which sessions hold WebSockets, and how many: one session or one user cannot take all of them.
+Counts the WebSockets of sessions, so that one session or one user cannot use all of them.
 
-A session is counted from the handshake to the end of the connection, so that what is looked up
-each second are the sessions that are connected now.
+A session is counted from the handshake to the end of the connection, so that the check each second
+covers only connected sessions.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from typing import Final
 
 from rt_robot_os.monitor.security.sessions import Session
 
-#: WebSockets of one session, which is a browser with its tabs: each has up to four.
+#: Most WebSockets of one session, which is a browser; each of its tabs has up to four.
 OF_A_SESSION: Final = 16
-#: Of one user, with all sessions.
+#: Most WebSockets of all sessions of one user.
 OF_A_USER: Final = 32
 
 
 class Connected:
-    """The sessions that hold connections; safe for several threads."""
+    """The sessions that hold connections; thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._sessions: Counter[str] = Counter()
         self._users: Counter[str] = Counter()
-        #: Refused because the session or the user had as many as they may have.
+        #: Connections refused because the session or the user had too many.
         self.refused = 0
 
     def add(self, session: Session) -> bool:
-        """Count a connection; False when the session or its user has too many."""
+        """Add a connection; False when the session or its user has too many."""
         with self._lock:
             if (self._sessions[session.id] >= OF_A_SESSION
                     or self._users[session.user] >= OF_A_USER):
@@ -55,7 +55,7 @@ class Connected:
             return True
 
     def remove(self, session: Session) -> bool:
-        """Count a connection that has ended; True when it was the last of its session."""
+        """Remove a connection; True when it was the last of its session."""
         with self._lock:
             for counts, key in ((self._sessions, session.id), (self._users, session.user)):
                 counts[key] -= 1

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Device cookies: a browser proves that somebody logged in to an account with it before.
+Device cookies: a browser proves that it was used before to log in to an account.
 
-Wrong passwords from elsewhere then do not delay this browser, also after a restart of the server,
-which stores nothing of it: the cookie carries a random number and, for each account, a tag that
-only the server can make (OWASP, "Slow Down Online Guessing Attacks with Device Cookies"). It opens
-nothing: whoever steals it has only a delay of its own, for those accounts.
+Wrong passwords from elsewhere then do not delay this browser, even after a restart of the server.
+The server stores nothing: the cookie carries a random number and, for each account, a tag that
+only the server can make (OWASP, "Slow Down Online Guessing Attacks with Device Cookies"). The
+cookie grants no access: a thief only gets a separate delay for those accounts.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ import hmac
 import secrets
 from typing import Final
 
-#: A browser stores a cookie for no longer.
+#: Longest lifetime of a cookie in browsers.
 AGE_S: Final = 400 * 24 * 3600
-#: Accounts of one browser, such as the tablet of a ward; the one that logged in first is dropped.
+#: Most accounts of one browser, such as the tablet of a ward; the oldest login is dropped.
 ACCOUNTS_MOST: Final = 16
 _NUMBER_BYTES: Final = 12
 _NUMBER_CHARACTERS: Final = 16
@@ -40,13 +40,13 @@ _LONGEST: Final = _NUMBER_CHARACTERS + ACCOUNTS_MOST * (1 + _TAG_CHARACTERS)
 
 
 class Devices:
-    """Makes and checks device cookies; safe for several threads."""
+    """Makes and checks device cookies; thread-safe."""
 
     def __init__(self, key: bytes) -> None:
         """
         Make it.
 
-        :param key: of the server; what is signed here is signed by a key derived from it.
+        :param key: of the server; the signing key is derived from it.
         """
         self._key = hmac.digest(key, b'device cookies', 'sha256')
 
@@ -54,7 +54,7 @@ class Devices:
         """
         Return the number of the device, if its cookie is for this account.
 
-        :param account: the name as it is compared.
+        :param account: the normalised name.
         :return: empty when the cookie is missing, wrong, or for other accounts.
         """
         number, tags = _parts(cookie)
@@ -64,9 +64,9 @@ class Devices:
 
     def add(self, cookie: str, account: str) -> str:
         """
-        Return the cookie of a device after somebody has logged in to an account with it.
+        Return the cookie of a device after a login to an account.
 
-        :param cookie: which it had before; empty or wrong: the device gets a new number.
+        :param cookie: the previous cookie; when it is empty or wrong the device gets a new number.
         """
         number, tags = _parts(cookie)
         number = number or secrets.token_urlsafe(_NUMBER_BYTES)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-To see, in an emergency and with a reason, the health data of a person who is not one's own.
+Emergency access, with a reason, to the health data of a person that the user may not see.
 
-Known as break-glass: it takes no permission of anybody else's, since nobody may be there; it ends
-by itself, stands in the audit, and the admins see it.
+Known as break-glass: it needs no approval, since no approver may be available. It expires, is
+recorded in the audit, and admins see it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LONGEST_REASON: Final = 500
 
 
 class EmergencyAccess:
-    """The table of emergencies; safe for several threads."""
+    """The table of emergencies; thread-safe."""
 
     def __init__(self, engine: Engine, now_ns: Callable[[], int]) -> None:
         self._engine = engine
@@ -49,11 +49,11 @@ class EmergencyAccess:
 
     def begin(self, user: str, session: str, person: str, reason: str) -> int:
         """
-        Begin one, for this session.
+        Begin an emergency for this session.
 
         :param person: a name, or ``*`` when it is not known.
-        :return: when it ends by itself.
-        :raises AccountError: the reason is none.
+        :return: when it expires.
+        :raises AccountError: the reason is not valid.
         """
         reason = ' '.join(reason.split())
         if not SHORTEST_REASON <= len(reason) <= LONGEST_REASON:
@@ -73,7 +73,7 @@ class EmergencyAccess:
         return ends
 
     def end(self, session: str) -> int:
-        """End those of a session; return how many."""
+        """End the emergencies of a session; return their number."""
         now = self._now_ns()
         with writing(self._engine) as connection:
             done = connection.execute(emergencies.update().where(
@@ -82,7 +82,7 @@ class EmergencyAccess:
             return int(done.rowcount)
 
     def all(self, limit: int = 200) -> list[dict[str, Any]]:  # noqa: A003
-        """Return the newest, as admins see them."""
+        """Return the newest emergencies, as admins see them."""
         now = self._now_ns()
         with reading(self._engine) as connection:
             rows = connection.execute(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Who asks, and whether they may: what each endpoint and each WebSocket begins with."""
+"""Authentication and authorisation of each request and each WebSocket."""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ _BEARER: Final = 'bearer '
 @dataclass(frozen=True)
 class Actor:
     """
-    Who asks.
+    The user who sends a request.
 
-    :ivar people: whom they may see; None is everybody.
-    :ivar session: the id of their session, which is no secret.
-    :ivar emergency: whom they see by an emergency only.
+    :ivar people: people they may see; None means everybody.
+    :ivar session: the id of their session, which is not secret.
+    :ivar emergency: people they may see only because of an emergency.
     :ivar locked: permissions of the role that a locked session lacks until the password is typed.
     """
 
@@ -78,20 +78,20 @@ class Actor:
     locked: frozenset[Permission] = frozenset()
 
     def may(self, permission: Permission) -> bool:
-        """Return whether they may do that."""
+        """Return whether the actor has a permission."""
         return permission in self.permissions
 
     def may_see(self, person: str) -> bool:
-        """Return whether they may see, and hear of, a person."""
+        """Return whether the actor may see and be notified of a person."""
         return self.people is None or person in self.people
 
 
 def refusal(status: int, text: str, remedy: str, reason: str = '',
             wait_s: float = 0.0) -> HTTPException:
     """
-    Make the answer to a request that is refused.
+    Make the response to a refused request.
 
-    :param reason: for the page: ``login`` or ``locked``.
+    :param reason: for the page, such as ``login`` or ``locked``.
     :param wait_s: when to try again.
     """
     detail = {'text': text, 'remedy': remedy}
@@ -103,11 +103,10 @@ def refusal(status: int, text: str, remedy: str, reason: str = '',
 
 def lacking(actor: Actor, *permissions: Permission, what: str = '') -> HTTPException:
     """
-    Make the answer to what needs one of some permissions, of which the actor has none.
+    Make the response to an action that needs one of some permissions, when the actor has none.
 
-    :param what: was to be done, in one word; left out when empty.
-    :return: 401 with the reason ``locked`` where the password gives such a permission back, else
-        403.
+    :param what: the action, in one word; omitted when empty.
+    :return: 401 with the reason ``locked`` if the password restores such a permission, else 403.
     """
     if not actor.locked.isdisjoint(permissions):
         return refusal(401, 'this session is locked: it was not used for a while',
@@ -119,17 +118,17 @@ def lacking(actor: Actor, *permissions: Permission, what: str = '') -> HTTPExcep
 
 
 def accounts_of(connection: HTTPConnection) -> Accounts:
-    """Return the accounts of the server that a request came to."""
+    """Return the accounts of the server that received a request."""
     found: Accounts = connection.app.state.services.accounts
     return found
 
 
 def cookie_name(connection: HTTPConnection, name: str = 'session') -> str:
     """
-    Return how the cookie is called.
+    Return the name of a cookie.
 
-    With TLS the browser itself sees to it, by the prefix, that no other host and nobody without
-    TLS has set it. On loopback without TLS it would not take it by that name.
+    With TLS the prefix makes the browser ensure that neither another host nor a page without TLS
+    has set it. On loopback without TLS the browser would reject this name.
     """
     return f'__Host-{name}' if is_secure(connection.scope['scheme']) else name
 
@@ -156,9 +155,9 @@ def address_of(connection: HTTPConnection) -> str:
 
 def check_origin(connection: HTTPConnection) -> None:
     """
-    Refuse what another site made the browser send.
+    Refuse a request that another site made the browser send.
 
-    :raises HTTPException: it did.
+    :raises HTTPException: the request comes from another site.
     """
     headers, scheme = connection.headers, connection.scope['scheme']
     if not is_expected_host(scheme, headers):
@@ -171,14 +170,14 @@ def check_origin(connection: HTTPConnection) -> None:
 
 def allowed(permission: Permission | None) -> Callable[..., Awaitable[Actor]]:
     """
-    Make the dependency that gives the actor of a request.
+    Make the dependency that returns the actor of a request.
 
-    It looks for a good session, for the permission, and at whatever changes something also for
-    the token that only the page knows and for the origin.
+    It checks the session and the permission; for methods that change something also the CSRF token
+    and the origin.
 
-    :param permission: None: anybody who is logged in.
+    :param permission: None allows every logged-in user.
     """
-    # On the event loop: all threads may wait for the database, and a stop must not.
+    # On the event loop: a stop must not wait for threads that are blocked by the database.
     async def dependency(request: Request) -> Actor:
         if not is_expected_host(request.scope['scheme'], request.headers):
             check_origin(request)
@@ -205,10 +204,10 @@ def allowed(permission: Permission | None) -> Callable[..., Awaitable[Actor]]:
 
 async def websocket_actor(websocket: WebSocket, permission: Permission) -> Actor:
     """
-    Return who opens a WebSocket; to be called before it is accepted.
+    Return the actor who opens a WebSocket; to be called before it is accepted.
 
-    :raises WebSocketException: another site did, there is no session, or it may not. The browser
-        sees 403; the page finds out which by ``GET /api/session``.
+    :raises WebSocketException: the request comes from another site, or has no session or no
+        permission. The browser sees 403; the page gets the cause by ``GET /api/session``.
     """
     try:
         check_origin(websocket)
@@ -227,7 +226,7 @@ async def websocket_actor(websocket: WebSocket, permission: Permission) -> Actor
     if not accounts.follow(session):
         raise WebSocketException(_TOO_MANY, 'this browser or this user has too many connections '
                                  'open: close other tabs')
-    # The connection ends wherever it is served: see Protection.
+    # Called when the connection ends, wherever it is served: see Protection.
     websocket.scope.setdefault(ENDED_CALLBACKS, []).append(partial(accounts.unfollow, session))
     accounts.audit.open(actor, websocket.scope['path'], people=shown_people(actor.people))
     return actor
@@ -235,9 +234,9 @@ async def websocket_actor(websocket: WebSocket, permission: Permission) -> Actor
 
 async def _known(answer: Awaitable[_T]) -> _T:
     """
-    Wait for who it is.
+    Wait for the result of authentication.
 
-    :raises WebSocketException: the database is away, and they are not known.
+    :raises WebSocketException: the database is unavailable, and memory has no answer.
     """
     try:
         return await answer
@@ -248,7 +247,7 @@ async def _known(answer: Awaitable[_T]) -> _T:
 
 async def robot_of(websocket: WebSocket) -> RobotAccount:
     """
-    Return which robot opens a WebSocket, by its token; to be called before it is accepted.
+    Return the robot that opens a WebSocket, by its token; to be called before it is accepted.
 
     :raises WebSocketException: the token is missing, wrong or revoked.
     """
@@ -271,7 +270,7 @@ def actor_of(session: Session, connection: HTTPConnection) -> Actor:
 
 
 def described(session: Session, secret: str) -> dict[str, Any]:
-    """Return what the page is told about its session."""
+    """Return the data about its session that the page receives."""
     people = shown_people(session.people)
     return {'id': session.id, 'user': session.name, 'role': session.role.value,
             'permissions': sorted(each.value for each in session.permissions),

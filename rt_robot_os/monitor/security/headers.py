@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The headers that tell a browser what the page may do, and what nobody may do with it."""
+"""The security headers: what the page may do, and what other sites may not do with it."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from typing import Final
 
 from rt_robot_os.monitor.security.origins import is_loopback
 
-#: Nothing but from this server; nothing inline; in nobody's frame.
+#: Only content of this server; nothing inline; no frames of other sites.
 POLICY: Final = '; '.join((
     "default-src 'none'", "script-src 'self'", "style-src 'self'", "img-src 'self' blob: data:",
     "media-src 'self' blob:", "connect-src 'self'", "font-src 'self'", "manifest-src 'self'",
     "worker-src 'self'", "base-uri 'none'", "form-action 'self'", "frame-ancestors 'none'",
     "object-src 'none'"))
-#: Microphone and camera for the voice of the one who drives; nothing else that is not used.
+#: Microphone and camera for calls during teleoperation; unused features are disabled.
 FEATURES: Final = ', '.join((
     'microphone=(self)', 'camera=(self)', 'gamepad=(self)', 'autoplay=(self)',
     'fullscreen=(self)', 'screen-wake-lock=(self)', 'geolocation=()', 'payment=()', 'usb=()',
@@ -45,14 +45,14 @@ _NO_STORE: Final = (b'cache-control', b'no-store')
 
 def headers_for(path: str, is_tls: bool, host: str) -> list[tuple[bytes, bytes]]:
     """
-    Return the headers of an answer.
+    Return the headers of a response.
 
-    :param host: as the request had it.
+    :param host: from the request.
     """
     found = list(_ALWAYS)
     if path.startswith('/api/') or path == '/metrics':
         found.append(_NO_STORE)
-    # A browser takes it for a name only; this machine's own is shared with other programs.
+    # Browsers accept it only for host names; that of this machine is shared with other programs.
     if is_tls and not is_loopback(host):
         found.append((b'strict-transport-security', f'max-age={_YEAR_S}'.encode()))
     return found

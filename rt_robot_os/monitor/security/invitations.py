@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One-time links: for the first account, for each further one, and for a forgotten password."""
+"""One-time links for the first account, further accounts, and forgotten passwords."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ OTHERS_S: Final = 72 * 3600
 @dataclass(frozen=True)
 class Invitation:
     """
-    A link that may be used, once.
+    A valid one-time link.
 
-    :ivar user: whose; None for the first account, whose name is chosen.
+    :ivar user: its user; None for the first account, whose name is chosen on use.
     """
 
     user: User | None
@@ -55,7 +55,7 @@ class Invitation:
 
 
 class Invitations:
-    """The table of one-time links; of each only a hash is kept."""
+    """The table of one-time links; it stores only their hashes."""
 
     def __init__(self, engine: Engine, users_: Users, now_ns: Callable[[], int]) -> None:
         self._engine = engine
@@ -64,9 +64,9 @@ class Invitations:
 
     def make(self, user: str | None) -> str:
         """
-        Make a link; an earlier one for the same account is void.
+        Make a link; it replaces an earlier one for the same account.
 
-        :param user: whose id; None for the first account.
+        :param user: the user's id; None for the first account.
         :return: the secret of the link.
         """
         now = self._now_ns()
@@ -81,13 +81,13 @@ class Invitations:
         return secret
 
     def find(self, secret: str) -> Invitation | None:
-        """Return what a link is for, unless it is used, old or none."""
+        """Return the purpose of a link, or None when it is used, expired or unknown."""
         with reading(self._engine) as connection:
             row = connection.execute(select(invitations).where(
                 invitations.c.token == kept(secret),
                 invitations.c.expires_ns > self._now_ns())).first()
             if row is not None and row.user is None and admins(connection):
-                return None  # the first account was made in another way meanwhile
+                return None  # the first account was created by other means meanwhile
         if row is None:
             return None
         user = self._users.get(row.user) if row.user is not None else None
@@ -97,12 +97,12 @@ class Invitations:
 
     def use(self, secret: str, name: str, password: str, role: Role) -> User | None:
         """
-        Use a link: once, whoever comes at the same time.
+        Use a link; of concurrent requests only one succeeds.
 
-        :param name: of the first account, as ``role``; otherwise they are as they are.
+        :param name: of the first account, like ``role``; otherwise both stay unchanged.
         :param password: its hash.
-        :return: the user; None when the link is none any more.
-        :raises AccountError: the name is none or taken; the link stays.
+        :return: the user; None when the link is no longer valid.
+        :raises AccountError: the name is not valid or taken; the link stays valid.
         """
         with writing(self._engine) as connection:
             row = connection.execute(select(invitations).where(
@@ -121,7 +121,7 @@ class Invitations:
         return self._users.get(row.user)
 
     def withdraw(self, user: str) -> None:
-        """Void the link of a user."""
+        """Revoke the link of a user."""
         with writing(self._engine) as connection:
             connection.execute(invitations.delete().where(invitations.c.user == user))
 

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Limits: lock-out by delay after wrong passwords, and how many requests an address may send.
+Limits: delays after wrong passwords, and the request rate of an address.
 
-In memory and bounded: what is forgotten first is what happened longest ago. What wrong passwords
-there were before a start, and from where accounts were opened, comes from the audit
+They are in memory and bounded: the oldest entry is evicted first. Wrong passwords before a
+restart, and the addresses of earlier logins, come from the audit
 (:mod:`rt_robot_os.monitor.security.login_history`).
 """
 
@@ -32,22 +32,22 @@ import time
 from typing import Final
 
 SECOND_NS: Final = 1_000_000_000
-#: A mistyped password costs nothing; from then on the delay doubles.
+#: Attempts without a delay; after them the delay doubles.
 FREE: Final = 2
-#: Of an account this many from addresses that are new to it: two addresses' worth, and one more.
+#: Free attempts on an account from new addresses: those of two addresses, and one more.
 ACCOUNT_FREE: Final = 2 * FREE + 1
 LONGEST_DELAY_S: Final = 60
-#: After that long without a wrong password, all is forgotten.
+#: Wrong passwords are forgotten after this time without another one.
 FORGOTTEN_S: Final = 900
 _KEYS: Final = 10_000
 _ACCOUNT: Final = 'account'
 _ADDRESS: Final = 'address'
-#: What one address adds to the count of one account.
+#: Attempts that one address adds to the count of one account.
 _SHARE: Final = 'share'
 
 
 def network_of(address: str) -> str:
-    """Return what of an address one subscriber has: all of IPv4, the first 64 bits of IPv6."""
+    """Return the part of an address that identifies a subscriber: IPv4, or 64 bits of IPv6."""
     try:
         found = ip_address(address.partition('%')[0])
     except ValueError:
@@ -67,13 +67,13 @@ class _Failures:
 
 class LockOut:
     """
-    After wrong passwords a delay of 1, 2, 4 … 60 s, by device and by address.
+    Delays of 1, 2, 4 … 60 s after wrong passwords, by device and by address.
 
-    It is never for ever: an alarm must stay within reach. And wrong passwords from elsewhere delay
-    no one. Whose delay counts, the first that applies:
+    No lock-out is permanent: alarms must stay accessible. Wrong passwords from elsewhere do not
+    delay known devices. The first delay that applies counts:
 
-    1. a device from which the account was opened before (:mod:`devices`): its own;
-    2. an address from which the account was opened before: its own;
+    1. a device with an earlier login to the account (:mod:`devices`): its own;
+    2. an address with an earlier login to the account: its own;
     3. all others: that of their address, and that of the account, which guessing from many
        addresses at a time lengthens: of one address only its first :data:`FREE` attempts count
        there, and those of up to two addresses delay no other.
@@ -94,12 +94,12 @@ class LockOut:
 
     def begin(self, account: str, address: str, device: str = '') -> float:
         """
-        Ask whether a password may be tried; if so it counts as wrong until :meth:`succeed`.
+        Check whether a password may be tried; it then counts as wrong until :meth:`succeed`.
 
-        Counted before it is compared, so that a hundred at once are not one attempt.
+        It is counted before it is compared, so that concurrent attempts all count.
 
-        :param account: as its name is compared.
-        :param device: its number, where the server knows the device; else empty.
+        :param account: its normalised name.
+        :param device: its number if the server knows the device; else empty.
         :return: 0, or how long to wait in seconds.
         """
         now = self._now_ns()
@@ -113,10 +113,10 @@ class LockOut:
 
     def succeed(self, account: str, address: str, device: str = '') -> None:
         """
-        Forget the wrong passwords of the account: the right one came.
+        Clear the wrong passwords of the account after the right one.
 
-        Of the address only that this one was no wrong one: who has an account must not try those
-        of others without a wait by logging in to their own between.
+        For the address only this attempt is removed: logging in to one's own account in between
+        must not allow attempts on other accounts without delays.
         """
         with self._lock:
             for key in self._keys(account, address, device):
@@ -131,7 +131,7 @@ class LockOut:
                 self._known.popitem(last=False)
 
     def withdraw(self, account: str, address: str, device: str = '') -> None:
-        """Count an attempt no longer as wrong: its password could not be compared."""
+        """Remove an attempt whose password could not be compared."""
         with self._lock:
             for key in self._keys(account, address, device):
                 entry = self._failures.get(key)
@@ -141,9 +141,9 @@ class LockOut:
     def restore(self, account: str, address: str, device: str, age_ns: int,
                 is_right: bool) -> None:
         """
-        Take an attempt of before the start of this process; call it for the oldest first.
+        Add an attempt from before the start of this process; the oldest must come first.
 
-        :param age_ns: how long ago it was.
+        :param age_ns: its age.
         """
         if is_right:
             self.succeed(account, address, device)
@@ -152,7 +152,7 @@ class LockOut:
                 self._count(self._keys(account, address, device), self._now_ns() - age_ns)
 
     def _count(self, keys: tuple[tuple[str, ...], ...], at_ns: int) -> None:
-        """Count an attempt; what of an address counts for the account is bounded."""
+        """Count an attempt; the share of one address in the account's count is bounded."""
         counted = keys
         for key in keys:
             if key[0] == _SHARE and self._entry(key, at_ns).count >= FREE:
@@ -189,28 +189,28 @@ class LockOut:
 
 
 class Rate:
-    """A token bucket for each key: bounded, and the oldest is forgotten."""
+    """A token bucket for each key; bounded, the oldest is evicted."""
 
     def __init__(self, per_s: float, burst: int,
                  now_ns: Callable[[], int] = time.monotonic_ns) -> None:
         """
         Make it.
 
-        :param burst: how many may come at once.
+        :param burst: capacity of a bucket.
         """
         self._per_ns = per_s / SECOND_NS
         self._burst = float(burst)
         self._now_ns = now_ns
         self._lock = threading.Lock()
         self._buckets: OrderedDict[str, tuple[float, int]] = OrderedDict()
-        #: How many were refused.
+        #: Refused requests.
         self.refused = 0
 
     def take(self, key: str) -> float:
         """
         Take one.
 
-        :return: 0, or after how many seconds there is one.
+        :return: 0, or the seconds until a token is available.
         """
         now = self._now_ns()
         with self._lock:

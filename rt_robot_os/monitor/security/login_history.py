@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the audit has of logins: limits of wrong passwords go on over a restart by it."""
+"""Restores the limits of wrong passwords from the logins in the audit after a restart."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from sqlalchemy import Engine
 from sqlalchemy import Row
 from sqlalchemy import select
 
-#: An address from which an account was opened is known for this long.
+#: How long an address counts as known after a login.
 KNOWN_S: Final = 30 * 24 * 3600
-#: Rows that are read at a start, the newest.
+#: Most rows read at a start, the newest ones.
 ROWS_MOST: Final = 20_000
 SECOND_NS: Final = 1_000_000_000
 RIGHT: Final = frozenset({'session.begin', 'session.unlock', 'session.set_up', 'password.change'})
@@ -39,7 +39,7 @@ WRONG: Final = frozenset({'session.refused', 'session.unlock_refused', 'password
 
 def restore_limits(engine: Engine, lock_out: LockOut, now_ns: int) -> None:
     """
-    Hand the logins of before this start to the limits of wrong passwords.
+    Pass the logins before this start to the limits of wrong passwords.
 
     :param now_ns: UTC.
     :raises StoreError: the database cannot be read.

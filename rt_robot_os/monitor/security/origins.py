@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Whether a request comes from the page of this server, and not from one of somebody else.
+Checks that a request comes from the page of this server and not from another site.
 
-A browser sends the cookie with whatever another site makes it send; it also says, in headers that
-no page can change, which site that was.
+A browser sends the cookie also with requests caused by another site. Headers that no page can
+change name that site.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SECURE: Final = ('https', 'wss')
 
 def is_loopback(host: str) -> bool:
     """
-    Return whether a name or an address is that of this machine itself.
+    Return whether a name or an address is a loopback one.
 
     :param host: as in the header, with or without a port.
     """
@@ -46,7 +46,7 @@ def is_loopback(host: str) -> bool:
 
 
 def is_secure(scheme: str) -> bool:
-    """Return whether it is one with TLS."""
+    """Return whether the scheme uses TLS."""
     return scheme in _SECURE
 
 
@@ -54,24 +54,24 @@ def is_expected_host(scheme: str, headers: Mapping[str, str]) -> bool:
     """
     Return whether the request is meant for this server.
 
-    Without TLS it listens on loopback only; a site whose name was made to point there (DNS
-    rebinding) says its own name. With TLS the certificate would not fit.
+    Without TLS the server listens on loopback only; a site whose name points there (DNS rebinding)
+    sends its own name. With TLS the certificate would not match.
     """
     return is_secure(scheme) or is_loopback(headers.get('host', ''))
 
 
 def is_same_origin(scheme: str, headers: Mapping[str, str]) -> bool:
     """
-    Return whether no other site than this one sent a request.
+    Return whether a request has the same origin.
 
     :param scheme: of the request.
-    :param headers: with names in small letters.
+    :param headers: with names in lower case.
     """
     if headers.get('sec-fetch-site', 'same-origin') not in ('same-origin', 'none'):
         return False
     origin = headers.get('origin')
     if origin is None:
-        return True  # no browser, or one that said above that it is the same
+        return True  # not a browser, or one whose headers above state the same origin
     try:
         parts = urlsplit(origin)
         theirs = parts.scheme, (parts.hostname or ''), parts.port or _PORTS.get(parts.scheme)

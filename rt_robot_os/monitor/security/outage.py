@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-What the database said last, for the time in which it cannot be asked.
+Cached answers of the database, for the time in which it is unavailable.
 
-A stop, an acknowledgement, live data and a robot that connects need to know who asks. They get
-the answer from the database while it answers at once. Otherwise they get the last one that it
-gave, for at most :data:`OUTAGE_S`.
+A stop, an acknowledgement, live data and a connecting robot need authentication. The answer comes
+from the database while it responds promptly, otherwise from the cache, for at most
+:data:`OUTAGE_S`.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from typing import TypeVar
 
 from rt_robot_os.base.errors import StoreError
 
-#: How long an answer of the database counts while it is away; no session lasts longer.
+#: How long an answer is valid while the database is unavailable; no session lasts longer.
 OUTAGE_S: Final = 12 * 3600.0
-#: A database that does not answer within this time is taken as away.
+#: A database that does not answer within this time counts as unavailable.
 PATIENCE_S: Final = 1.0
-#: Whom the server does not know waits so long for the database.
+#: How long a client that is not in the cache waits for the database.
 UNKNOWN_S: Final = 10.0
 _THREADS: Final = 4
 _QUESTIONS_MOST: Final = 64
@@ -53,8 +53,8 @@ class Memory(Generic[_T]):
     """
     Answers of the database by their keys, each valid for a time; safe for threads.
 
-    :param lasts_s: how long an answer is valid.
-    :param clock_s: in s; tests use one of their own.
+    :param lasts_s: validity of an answer.
+    :param clock_s: the clock in s; replaced in tests.
     """
 
     def __init__(self, lasts_s: float = OUTAGE_S, most: int = _ENTRIES_MOST,
@@ -66,7 +66,7 @@ class Memory(Generic[_T]):
         self._entries: OrderedDict[str, tuple[float, _T]] = OrderedDict()
 
     def store(self, key: str, value: _T) -> None:
-        """Store what the database has just said; the oldest entry makes room."""
+        """Store an answer of the database; the oldest entry is evicted."""
         with self._lock:
             self._entries[key] = self._clock_s(), value
             self._entries.move_to_end(key)
@@ -88,10 +88,10 @@ class Memory(Generic[_T]):
 
 class Questions:
     """
-    Questions to the database in threads of their own; use it from an event loop.
+    Queries of the database in separate threads; use it from an event loop.
 
-    Threads of the server that wait for the database delay nobody here. While a question waits for
-    longer than :data:`PATIENCE_S` the next ones are answered from memory at once.
+    Other threads of the server that wait for the database cause no delay here. While a query waits
+    for longer than :data:`PATIENCE_S` the next ones are answered from memory immediately.
     """
 
     def __init__(self) -> None:
@@ -101,11 +101,11 @@ class Questions:
     async def ask(self, question: Callable[[], _T], remembered: Callable[[], _T | None]
                   ) -> _T:
         """
-        Ask the database, or else the memory.
+        Query the database, or else the memory.
 
         :param question: may block; it raises StoreError while the database is away.
         :param remembered: returns None when there is nothing in memory; it does not block.
-        :raises StoreError: the database is away, and there is nothing in memory.
+        :raises StoreError: the database is unavailable, and memory has no answer.
         """
         if self._is_hung() and (known := remembered()) is not None:
             return known
@@ -127,7 +127,7 @@ class Questions:
             raise
 
     def close(self) -> None:
-        """Ask nothing more."""
+        """End the threads; later queries are refused."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _is_hung(self) -> bool:
@@ -136,7 +136,7 @@ class Questions:
 
     def _submit(self, question: Callable[[], _T]) -> Future[_T]:
         if len(self._asked_s) >= _QUESTIONS_MOST:
-            raise StoreError(f'{_QUESTIONS_MOST} questions wait for the database')
+            raise StoreError(f'{_QUESTIONS_MOST} queries wait for the database')
         try:
             future = self._pool.submit(question)
         except RuntimeError as error:
@@ -147,6 +147,6 @@ class Questions:
 
 
 def _retrieved(future: asyncio.Future[_T]) -> None:
-    """Take note of an error that comes after nobody waits for it any more."""
+    """Retrieve an error that arrives when no caller waits for it any more."""
     if not future.cancelled():
         future.exception()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Passwords: which are taken, and how they are kept and compared."""
+"""Passwords: rules, hashing and comparison."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rt_robot_os.monitor.security.common_passwords import COMMON
 
 SHORTEST: Final = 12
 LONGEST: Final = 128
-#: How many are compared at once, at 64 MiB each, and how many may wait for that.
+#: Passwords compared concurrently, at 64 MiB each, and the most that wait for it.
 PARALLEL: Final = 2
 WAITING: Final = 16
 
@@ -39,10 +39,10 @@ class BusyError(Exception):
 
 def check_rules(password: str, name: str) -> None:
     """
-    Judge a new password, by NIST SP 800-63B: by its length and by being none of the commonest.
+    Check a new password by NIST SP 800-63B: its length, and that it is not a common one.
 
     :param name: of the account.
-    :raises ValueError: it is not good enough; the message says why.
+    :raises ValueError: it is too weak; the message gives the reason.
     """
     text = _normal(password)
     if len(text) < SHORTEST:
@@ -59,43 +59,43 @@ def check_rules(password: str, name: str) -> None:
 
 
 def _stem(folded: str) -> str:
-    """Return it without what people put behind a common word to make it longer."""
+    """Return it without the suffix that people append to a common word."""
     return folded.rstrip('0123456789!.?-_#*$')
 
 
 def _normal(password: str) -> str:
-    """Return it as each keyboard would write it."""
+    """Return it in a normal form that is the same for each keyboard."""
     return unicodedata.normalize('NFKC', password)
 
 
 class Passwords:
     """
-    Hashes of passwords by argon2id.
+    Argon2id hashes of passwords.
 
-    Each takes 64 MiB for a tenth of a second, by the second choice of RFC 9106. They are compared
-    by a few threads of their own: any number of logins neither fills the memory nor holds up the
-    event loop or the threads of the other endpoints.
+    Each takes 64 MiB for a tenth of a second, by the second recommended option of RFC 9106. A few
+    dedicated threads compare them: many logins neither fill the memory nor block the event loop or
+    the threads of other endpoints.
     """
 
     def __init__(self, hasher: PasswordHasher | None = None) -> None:
         """
         Make it.
 
-        :param hasher: with other parameters; tests take quicker ones.
+        :param hasher: one with other parameters; tests use a faster one.
         """
         self._hasher = hasher or PasswordHasher(time_cost=3, memory_cost=64 << 10, parallelism=4)
         self._workers = ThreadPoolExecutor(PARALLEL, 'passwords')
         self._pending = 0
-        #: What the password of somebody who does not exist is compared with.
+        #: Hash to compare with when the user does not exist.
         self._nobody = self._hasher.hash('nobody')
 
     def hash(self, password: str) -> str:  # noqa: A003
-        """Make the hash of a password; takes long."""
+        """Return the hash of a password; slow."""
         return self._hasher.hash(_normal(password))
 
     async def hash_soon(self, password: str) -> str:
         """
-        Make the hash of a password without holding up the event loop.
+        Return the hash of a password without blocking the event loop.
 
         :raises BusyError: too many wait.
         """
@@ -105,9 +105,9 @@ class Passwords:
 
     def matches(self, stored: str, password: str) -> bool:
         """
-        Compare; takes as long when there is no such user.
+        Compare a password; takes equally long when there is no such user.
 
-        :param stored: the hash; an empty text matches nothing.
+        :param stored: the hash; an empty string matches nothing.
         """
         try:
             found = self._hasher.verify(stored or self._nobody, _normal(password))
@@ -117,14 +117,14 @@ class Passwords:
 
     async def matches_soon(self, stored: str, password: str) -> bool:
         """
-        Compare without holding up the event loop.
+        Compare without blocking the event loop.
 
         :raises BusyError: too many wait.
         """
         return bool(await self._run(self.matches, stored, password))
 
     def is_old(self, stored: str) -> bool:
-        """Return whether a hash was made with other parameters than are used now."""
+        """Return whether a hash was made with other parameters than the current ones."""
         return self._hasher.check_needs_rehash(stored)
 
     def close(self) -> None:

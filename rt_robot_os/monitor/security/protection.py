@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What stands before the whole server: headers, how much may be sent, how often."""
+"""Middleware of the whole server: security headers, body size limit, rate limit."""
 
 from __future__ import annotations
 
@@ -32,22 +32,23 @@ from starlette.types import Receive
 from starlette.types import Scope
 from starlette.types import Send
 
-#: The longest body of a request.
+#: Longest body of a request.
 BODY_BYTES: Final = 1 << 20
 _TOO_LONG: Final = (413, 'the request is too long', f'at most {BODY_BYTES} bytes')
-#: Requests of one address, perhaps a whole ward behind one router; files of the page are free.
+#: Request rate of one address, which may be a whole ward behind a router; files of the page do not
+#: count.
 PER_S: Final = 200.0
 BURST: Final = 2000
-#: In the scope of a WebSocket: a list of functions that are called when it has ended.
+#: Key in the scope of a WebSocket: functions to call when it has ended.
 ENDED_CALLBACKS: Final = 'rt_robot_os.ended'
 
 
 def protect(app: FastAPI, *, per_s: float = PER_S, burst: int = BURST) -> Rate:
     """
-    Put it before an app; to be called last, so that nothing stands before it.
+    Add it to an app; call it last, so that it is the outermost middleware.
 
     :param per_s: requests an address may send, ``burst`` at once.
-    :return: what counts them.
+    :return: the rate limiter.
     """
     rate = Rate(per_s, burst)
     app.add_middleware(Protection, rate=rate)
@@ -55,11 +56,11 @@ def protect(app: FastAPI, *, per_s: float = PER_S, burst: int = BURST) -> Rate:
 
 
 class _TooLongError(Exception):
-    """The body is longer than it said, or than it may be."""
+    """The body is longer than its Content-Length or than the limit."""
 
 
 class Protection:
-    """Plain ASGI: it costs a request some microseconds, and a WebSocket nothing."""
+    """Plain ASGI middleware: it costs a request some microseconds, and a WebSocket nothing."""
 
     def __init__(self, app: ASGIApp, rate: Rate) -> None:
         self._app = app
@@ -122,7 +123,7 @@ class Protection:
             nonlocal has_begun, is_refused
             if is_refused:
                 return
-            if is_too_long and not has_begun:  # the framework calls it a bad request
+            if is_too_long and not has_begun:  # the framework reports a bad request
                 is_refused = True
                 await _refuse(send, *_TOO_LONG)
                 return

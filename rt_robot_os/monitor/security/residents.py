@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Who lives with which robot, as an administrator has confirmed it.
+The residents of each robot, as confirmed by an administrator.
 
-A robot's hello names the people it looks after. That is a suggestion: what a robot says about a
-person is filed under that person only after an administrator has confirmed that they live
-together. Otherwise the token of any robot would be enough to write about everybody.
+A robot's hello names the people it looks after. That is a suggestion: records about a person are
+filed only after an administrator has confirmed that the person lives with the robot. Otherwise the
+token of any robot would allow writing records about everybody.
 """
 
 from __future__ import annotations
@@ -45,19 +45,19 @@ from sqlalchemy import insert
 from sqlalchemy import select
 from sqlalchemy import update
 
-#: People who live with one robot.
+#: Most residents of one robot.
 MOST: Final = 64
-#: Values of ``robots.residents``; '' is: never confirmed.
+#: Values of ``robots.residents``; '' means never confirmed.
 CONFIRMED: Final = 'confirmed'
 FIRST_HELLO: Final = 'first_hello'
 
 
 class Household(NamedTuple):
     """
-    Who lives with a robot.
+    The residents of a robot.
 
-    :ivar people: confirmed; None: never confirmed by anybody.
-    :ivar ever: those, and people of whom the robot has sent records earlier.
+    :ivar people: confirmed residents; None: never confirmed.
+    :ivar ever: these, and people about whom the robot has sent records earlier.
     """
 
     people: frozenset[str] | None
@@ -65,7 +65,7 @@ class Household(NamedTuple):
 
 
 class Residents:
-    """The confirmed residents of all robots; safe for several threads."""
+    """The confirmed residents of all robots; thread-safe."""
 
     def __init__(self, engine: Engine, now_ns: Callable[[], int]) -> None:
         self._engine = engine
@@ -73,9 +73,9 @@ class Residents:
 
     def all(self) -> dict[str, Household]:  # noqa: A003
         """
-        Return the household of each robot that is known, by the robot's id.
+        Return the household of each known robot, by the robot's id.
 
-        :raises StoreError: the database is away.
+        :raises StoreError: the database is unavailable.
         """
         with reading(self._engine) as connection:
             return _households(connection)
@@ -104,10 +104,10 @@ class Residents:
 
     def confirm(self, robot: str, people: Collection[str], by: str) -> Household:
         """
-        Set who lives with a robot, in place of whom was set before.
+        Set the residents of a robot; they replace the previous ones.
 
         :param robot: its id or its name.
-        :param people: an empty collection: confirmed that nobody does.
+        :param people: an empty collection confirms that there are none.
         :raises AccountError: there is no such robot, or a name is not valid.
         """
         names = _checked(people)
@@ -118,9 +118,9 @@ class Residents:
 
     def accept_first_hello(self, robot: str) -> None:
         """
-        Let the next hello of a robot decide, if nobody has confirmed its people yet.
+        Let the next hello of a robot confirm its residents, unless they are confirmed already.
 
-        For a robot whose token never leaves this machine: the server itself starts its gateway.
+        For a robot whose token never leaves this machine, because the server starts its gateway.
         """
         with writing(self._engine) as connection:
             found, name = _robot(connection, robot)
@@ -130,9 +130,9 @@ class Residents:
 
     def greet(self, robot: str, suggested: Collection[str]) -> Household:
         """
-        Return the household of a robot that says hello; its first hello may decide.
+        Return the household of a robot that sends a hello; its first hello may confirm it.
 
-        :raises StoreError: the database is away.
+        :raises StoreError: the database is unavailable.
         """
         with reading(self._engine) as connection:
             how = connection.execute(select(ROBOTS.c.residents).where(
@@ -153,7 +153,7 @@ def _robot(connection: Connection, robot: str) -> tuple[str, str]:
 
 def _number(connection: Connection, robot: str, name: str) -> int:
     found = connection.execute(select(ROBOTS.c.id).where(ROBOTS.c.robot == robot)).scalar()
-    if found is None:  # it has never connected
+    if found is None:  # the robot has never connected
         found = connection.execute(insert(ROBOTS).values(
             robot=robot, name=name, first_ns=0, last_ns=0).returning(ROBOTS.c.id)).scalar_one()
     return int(found)

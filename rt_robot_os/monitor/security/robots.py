@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The robots that may call: each by a token, which its gateway sends as ``Authorization: Bearer``.
+The robots that may connect, each with a token that its gateway sends as ``Authorization: Bearer``.
 
-Not by a certificate of its own: the web server would have to ask every browser for one as well,
-and does not tell the application which came.
+Client certificates are not used: the web server would request one from every browser as well, and
+does not pass it to the application.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ _NAME: Final = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]{0,63}', re.ASCII)
 
 @dataclass(frozen=True)
 class RobotAccount:
-    """A robot that has shown its token."""
+    """A robot authenticated by its token."""
 
     id: str  # noqa: A003
     name: str
 
 
 class Robots:
-    """The table of robots' tokens; safe for several threads."""
+    """The table of robots' tokens; thread-safe."""
 
     def __init__(self, engine: Engine, now_ns: Callable[[], int]) -> None:
         self._engine = engine
@@ -61,10 +61,10 @@ class Robots:
 
     def add(self, name: str) -> tuple[RobotAccount, str]:
         """
-        Let a robot in; one that was revoked comes back as the same robot, by a new token.
+        Add a robot; a revoked one becomes the same robot again, with a new token.
 
-        :return: it, and its token, which is not kept and cannot be shown again.
-        :raises AccountError: it has a token already, or the name is none.
+        :return: the robot, and its token, which is not stored and cannot be shown again.
+        :raises AccountError: it has a token already, or the name is not valid.
         """
         if not _NAME.fullmatch(name):
             raise AccountError(f"the robot '{name[:64]!a}'", '1 to 64 letters, digits, _ . -')
@@ -89,7 +89,7 @@ class Robots:
         return robot, token
 
     def find(self, token: str) -> RobotAccount | None:
-        """Return the robot of a token, if it is good."""
+        """Return the robot of a token if the token is valid."""
         if not 20 <= len(token) <= 100:
             return None
         with reading(self._engine) as connection:
@@ -104,11 +104,11 @@ class Robots:
         return found
 
     def remembered(self, token: str) -> RobotAccount | None:
-        """Return the robot of a token as the database said last; safe on an event loop."""
+        """Return the robot of a token from memory; safe on an event loop."""
         return self._memory.find(kept(token))
 
     def tokens(self) -> dict[str, str]:
-        """Return of each robot that may call what is kept of its token, by its id."""
+        """Return the hash of the token of each robot that may connect, by its id."""
         with reading(self._engine) as connection:
             rows = connection.execute(select(robot_accounts).where(
                 robot_accounts.c.revoked_ns.is_(None))).all()
@@ -119,7 +119,7 @@ class Robots:
         return {robot.id: token for token, robot in good.items()}
 
     def all(self) -> list[dict[str, Any]]:  # noqa: A003
-        """Return all of them, those that are revoked as well, by name."""
+        """Return all robots, including revoked ones, sorted by name."""
         with reading(self._engine) as connection:
             rows = connection.execute(select(robot_accounts).order_by(robot_accounts.c.name)
                                       ).all()
@@ -128,9 +128,9 @@ class Robots:
 
     def revoke(self, name_or_id: str) -> RobotAccount:
         """
-        Let a robot in no more.
+        Revoke the token of a robot.
 
-        :raises AccountError: there is none that may come in.
+        :raises AccountError: no such robot has a token.
         """
         self._memory.forget(lambda _, robot: name_or_id in (robot.id, robot.name))
         with writing(self._engine) as connection:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The roles of users, and what each may do: a fact that is written here and nowhere else."""
+"""The roles of users and their permissions, defined only here."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from typing import Final
 
 
 class Permission(str, Enum):
-    """What an endpoint asks for."""
+    """A permission that an endpoint requires."""
 
     #: Overview, alarms, positions.
     SEE = 'see'
     #: Vital signs, their history and their export.
     HEALTH = 'health'
     CAMERA = 'camera'
-    #: To answer alarms, and to stop a robot.
+    #: Answering alarms, and stopping a robot.
     ACKNOWLEDGE = 'acknowledge'
     TALK = 'talk'
     DRIVE = 'drive'
@@ -39,7 +39,7 @@ class Permission(str, Enum):
 
 
 class Role(str, Enum):
-    """What a user is; one each."""
+    """The role of a user; each has one."""
 
     VIEWER = 'viewer'
     CARER = 'carer'
@@ -57,17 +57,17 @@ _ADMIN: Final = frozenset({Permission.SEE, Permission.ADMIN, Permission.AUDIT})
 PERMISSIONS: Final[Mapping[Role, frozenset[Permission]]] = {
     Role.VIEWER: _VIEWER, Role.CARER: _CARER, Role.OPERATOR: _OPERATOR, Role.ADMIN: _ADMIN,
     Role.OWNER: _OPERATOR | _ADMIN}
-#: What is left to a session that nobody has touched for a while: alarms stay in sight.
+#: Permissions of a session that was idle for a while: alarms stay visible.
 WHEN_IDLE: Final = _VIEWER
-#: Who may see the health data of a person who is not theirs, in an emergency and with a reason.
+#: Roles with emergency access, with a reason, to health data of other people.
 MAY_BREAK_GLASS: Final = frozenset({Role.CARER, Role.OPERATOR, Role.ADMIN, Role.OWNER})
-#: Stands in a list of people for all of them.
+#: Means all people in a list of people.
 EVERYBODY: Final = '*'
 
 
 def role_of(text: str) -> Role:
     """
-    Read a role.
+    Parse a role.
 
     :raises ValueError: there is no such role.
     """

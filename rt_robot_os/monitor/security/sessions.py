@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Sessions of users, kept by the server.
+Sessions of users, stored by the server.
 
-A session that nobody has touched for a while keeps alarms in sight and loses what changes
-something, until the password is typed again: a page that stands open on a ward must show the next
-alarm, and must not let who passes by drive the robot.
+An idle session still shows alarms but loses permissions that change something, until the password
+is typed again: a page left open on a ward must show the next alarm, and must not let a passer-by
+drive the robot.
 """
 
 from __future__ import annotations
@@ -51,17 +51,17 @@ from sqlalchemy import Engine
 from sqlalchemy import select
 
 SECOND_NS: Final = 1_000_000_000
-#: Of one user; who logs in once more ends the oldest.
+#: Most sessions of one user; another login ends the oldest.
 MOST: Final = 20
-#: Sessions whose last use waits for the database.
+#: Most sessions whose last use waits to be written.
 TOUCHED_MOST: Final = 20_000
-#: When it was used is written no more often than this.
+#: Shortest time between two writes of the last use.
 _SEEN_EVERY_S: Final = 30
 
 
 @dataclass(frozen=True)
 class SessionLimits:
-    """How long a session lasts, in seconds: untouched, and altogether."""
+    """How long a session lasts, in seconds: while idle, and in total."""
 
     idle_s: float = 900.0
     absolute_s: float = 12 * 3600.0
@@ -70,12 +70,12 @@ class SessionLimits:
 @dataclass(frozen=True)
 class Session:
     """
-    A session that is good now, with what its user may do and see.
+    A valid session, with what its user may do and see.
 
     :ivar permissions: of the role; fewer when it is locked.
-    :ivar people: whom the user may see, emergencies included; None is everybody.
-    :ivar is_locked: nobody has touched it for a while: only the password opens it again.
-    :ivar emergency: it sees somebody by an emergency; ``emergency_ends_ns`` is when that ends.
+    :ivar people: people the user may see, including emergencies; None means everybody.
+    :ivar is_locked: it was idle for a while: only the password unlocks it.
+    :ivar emergency: people it sees by an emergency; ``emergency_ends_ns`` is when that ends.
     """
 
     id: str  # noqa: A003
@@ -93,7 +93,7 @@ class Session:
 
 @dataclass(frozen=True)
 class _Stored:
-    """What the database has of a session; :meth:`Sessions._judged` says what it is worth now."""
+    """A session as stored in the database; :meth:`Sessions._judged` returns its current state."""
 
     id: str  # noqa: A003
     token: str
@@ -108,7 +108,7 @@ class _Stored:
 
 
 class Sessions:
-    """The table of sessions; safe for several threads."""
+    """The table of sessions; thread-safe."""
 
     def __init__(self, engine: Engine, limits: SessionLimits, now_ns: Callable[[], int]) -> None:
         self._engine = engine
@@ -116,15 +116,15 @@ class Sessions:
         self._now_ns = now_ns
         self._memory: Memory[_Stored] = Memory()
         self._lock = threading.Lock()
-        #: When sessions were used, until the database has it.
+        #: Times of use that are not written to the database yet.
         self._touched: dict[str, int] = {}
-        #: Of these, those that the password has unlocked.
+        #: Those of them that were unlocked by the password.
         self._unlocked: set[str] = set()
         self._writer = ThreadPoolExecutor(1, 'touch')
 
     def begin(self, user: str, address: str, browser: str) -> tuple[str, str]:
         """
-        Begin a session: always with a new id and a new secret.
+        Begin a session, always with a new id and a new secret.
 
         :return: the id, and the secret for the cookie.
         """
@@ -143,7 +143,7 @@ class Sessions:
         return session, secret
 
     def find(self, secret: str) -> Session | None:
-        """Return the session of a cookie, if there is one and it is good."""
+        """Return the session of a cookie if it is valid."""
         if not 20 <= len(secret) <= 100:
             return None
         token = kept(secret)
@@ -156,18 +156,19 @@ class Sessions:
 
     def remembered(self, secret: str) -> Session | None:
         """
-        Return the session of a cookie as it was when the database answered last.
+        Return the session of a cookie from memory.
 
-        It locks and ends in its time as ever. Reads memory only: safe on an event loop.
+        It locks and expires as usual. Reads memory only: safe on an event loop.
         """
         found = self._memory.find(kept(secret))
         return None if found is None else self._judged(found)
 
     def touch(self, session: Session) -> None:
         """
-        Note that a session is used; a locked one stays locked.
+        Update the time of last use; a locked session stays locked.
 
-        It counts at once. The database is written in a thread, since a stop waits for no disk.
+        It is effective immediately. A thread writes to the database, since a stop must not wait
+        for the disk.
         """
         now = self._now_ns()
         if session.is_locked or now - session.seen_ns < _SEEN_EVERY_S * SECOND_NS:
@@ -181,7 +182,7 @@ class Sessions:
             pass  # Closed.
 
     def save_touched(self) -> None:
-        """Write when sessions were used; while the database is away it stays in memory."""
+        """Write times of last use; they stay in memory while the database is unavailable."""
         with self._lock:
             touched, unlocked = dict(self._touched), set(self._unlocked)
         if not touched:
@@ -203,16 +204,16 @@ class Sessions:
                     self._unlocked.discard(session)
 
     def close(self) -> None:
-        """Write what is left, and end the thread."""
+        """Write the pending times, and end the thread."""
         self._writer.shutdown()
 
     def unlock(self, session: str) -> None:
         """
-        Open a locked session again; its user has just typed the password.
+        Unlock a session after its user has typed the password.
 
-        It counts at once, and is written later where the database cannot take it now.
+        It is effective immediately, and written later if the database is unavailable.
 
-        :raises StoreError: the database is away.
+        :raises StoreError: the database is unavailable.
         """
         now = self._now_ns()
         with self._lock:
@@ -224,9 +225,9 @@ class Sessions:
 
     def password_of(self, secret: str) -> str:
         """
-        Return the hash of the password of whose session it is, as it was known last.
+        Return the password hash of the session's user from memory.
 
-        Reads memory only, which :meth:`find` fills: safe on an event loop.
+        :meth:`find` fills that memory. Safe on an event loop.
 
         :return: empty when the session is not known.
         """
@@ -234,7 +235,7 @@ class Sessions:
         return '' if found is None else found.password
 
     def get(self, ids: Iterable[str]) -> dict[str, Session]:
-        """Return those of some sessions that are still good, as they are now."""
+        """Return the current state of those of the given sessions that are still valid."""
         wanted = list(ids)
         with reading(self._engine) as connection:
             found = [self._read(connection, sessions.c.id == each) for each in wanted]
@@ -244,7 +245,7 @@ class Sessions:
         return good
 
     def of(self, user: str | None = None) -> list[dict[str, Any]]:
-        """Return the sessions of a user or of all, as they may be shown."""
+        """Return the sessions of one user or of all users, for display."""
         now = self._now_ns()
         query = select(sessions, users.c.name).join(users, users.c.id == sessions.c.user).where(
             sessions.c.expires_ns > now).order_by(sessions.c.seen_ns.desc())
@@ -261,7 +262,7 @@ class Sessions:
         """
         End a session, or all of a user.
 
-        :param user: with a session, only if it is theirs.
+        :param user: together with a session: only if it is theirs.
         :param but: all but this one.
         :return: the ids of those that ended.
         """
@@ -272,7 +273,7 @@ class Sessions:
             conditions.append(sessions.c.id == session)
         if user is not None:
             conditions.append(sessions.c.user == user)
-        # At once, and also where the database cannot be written: it says so itself.
+        # Immediately, and also when writing to the database fails, which raises an error.
         self._memory.forget(lambda _, each: each.id != but and session in (None, each.id)
                             and user in (None, each.user))
         with writing(self._engine) as connection:

@@ -32,7 +32,7 @@ from sqlalchemy import Text
 _ID: Final = 32
 _HASH: Final = 64
 
-#: ``key`` is the name as it is compared; ``password`` is empty until an invitation is used.
+#: ``key`` is the normalised name; ``password`` is empty until an invitation is used.
 users: Final = Table(
     'users', METADATA,
     Column('id', String(_ID), primary_key=True),
@@ -44,7 +44,7 @@ users: Final = Table(
     Column('created_ns', BigInteger, nullable=False),
     Column('password_ns', BigInteger, nullable=False))
 
-#: Which people a user may see; ``*`` is all of them.
+#: The people a user may see; ``*`` means all.
 grants: Final = Table(
     'grants', METADATA,
     Column('user', String(_ID), ForeignKey('users.id', ondelete='CASCADE'), primary_key=True),
@@ -52,7 +52,7 @@ grants: Final = Table(
     Column('granted_ns', BigInteger, nullable=False),
     Column('granted_by', String(64), nullable=False))
 
-#: Of the cookie only a hash is kept: who reads the table cannot use it.
+#: Only a hash of the cookie is stored, which is useless to a reader of the table.
 sessions: Final = Table(
     'sessions', METADATA,
     Column('id', String(_ID), primary_key=True),
@@ -65,7 +65,7 @@ sessions: Final = Table(
     Column('address', String(64), nullable=False),
     Column('browser', String(200), nullable=False))
 
-#: Emergencies in which somebody saw what is not theirs to see; it ends with the session as well.
+#: Emergency access of users; it also ends with the session.
 emergencies: Final = Table(
     'emergencies', METADATA,
     Column('id', String(_ID), primary_key=True),
@@ -77,7 +77,7 @@ emergencies: Final = Table(
     Column('begins_ns', BigInteger, nullable=False),
     Column('ends_ns', BigInteger, nullable=False))
 
-#: One-time links; ``user`` is empty in that for the first account.
+#: One-time links; ``user`` is empty for the first account.
 invitations: Final = Table(
     'invitations', METADATA,
     Column('token', String(_HASH), primary_key=True),
@@ -86,7 +86,7 @@ invitations: Final = Table(
     Column('created_ns', BigInteger, nullable=False),
     Column('expires_ns', BigInteger, nullable=False))
 
-#: A robot that is revoked keeps its row: its records name it.
+#: A revoked robot keeps its row, because its records refer to it.
 robot_accounts: Final = Table(
     'robot_accounts', METADATA,
     Column('id', String(_ID), primary_key=True),
@@ -95,7 +95,7 @@ robot_accounts: Final = Table(
     Column('created_ns', BigInteger, nullable=False),
     Column('revoked_ns', BigInteger, nullable=True))
 
-#: Rows are added and never changed, which triggers see to as well.
+#: Rows are added and never changed; triggers enforce this.
 audit: Final = Table(
     'audit', METADATA,
     Column('seq', BigInteger().with_variant(Integer, 'sqlite'), primary_key=True,
@@ -114,7 +114,7 @@ audit: Final = Table(
     Index('ix_audit_name', 'name'),
     Index('ix_audit_action', 'action'))
 
-#: One row: how long the chain is and how it ends, so that rows missing there are found.
+#: One row: the length and the end of the chain, so that rows missing at the end are detected.
 audit_head: Final = Table(
     'audit_head', METADATA,
     Column('id', Integer, primary_key=True, autoincrement=False),

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Random secrets of 256 bits, and what is kept of them."""
+"""Random secrets of 256 bits, and their hashes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import secrets
 from typing import Final
 
 _BYTES: Final = 32
-#: The longest text that is looked up at all.
+#: Longest string that is looked up.
 _LONGEST: Final = 128
 
 
@@ -31,19 +31,19 @@ def new_secret() -> str:
 
 
 def new_id() -> str:
-    """Return a new name of 128 bits for something; it is no secret."""
+    """Return a new random id of 128 bits; it is not secret."""
     return secrets.token_hex(16)
 
 
 def kept(secret: str) -> str:
     """
-    Return what is kept of a secret: its hash.
+    Return the hash of a secret, which is stored instead of it.
 
-    One round is enough: nobody can try 2^256 of them, which they could with passwords.
+    One round suffices: unlike passwords, 2^256 secrets cannot be guessed.
     """
     return hashlib.sha256(secret[:_LONGEST].encode('utf-8', 'replace')).hexdigest()
 
 
 def csrf_token(secret: str) -> str:
-    """Return what a page must send back with each change; only who has the session knows it."""
+    """Return the CSRF token of a session, which a page must send with each change."""
     return kept(f'csrf of {secret}')

@@ -38,7 +38,7 @@ from sqlalchemy import func
 from sqlalchemy import Row
 from sqlalchemy import select
 
-#: So many are enough for a hospital; the list is sent whole.
+#: Most users, enough for a hospital; the list is sent whole.
 MOST: Final = 1000
 MOST_PEOPLE: Final = 500
 _LONGEST: Final = 64
@@ -47,9 +47,9 @@ _ADMINS: Final = tuple(role.value for role in Role if Permission.ADMIN in PERMIS
 
 class AccountError(ValueError):
     """
-    What was asked of an account cannot be done.
+    A requested action on an account is not possible.
 
-    :ivar remedy: what helps.
+    :ivar remedy: advice for the user.
     """
 
     def __init__(self, text: str, remedy: str = '') -> None:
@@ -64,7 +64,7 @@ class User:
     A user.
 
     :ivar password: its hash; empty until there is one.
-    :ivar people: whom they may see; None is everybody.
+    :ivar people: people they may see; None means everybody.
     """
 
     id: str  # noqa: A003
@@ -77,24 +77,24 @@ class User:
     people: frozenset[str] | None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what may be shown of it."""
+        """Return the data that may be shown."""
         return {'id': self.id, 'name': self.name, 'role': self.role.value,
                 'people': shown_people(self.people), 'disabled': self.is_disabled,
                 'has_password': bool(self.password), 'created_ns': self.created_ns}
 
 
 def shown_people(people: frozenset[str] | None) -> list[str]:
-    """Write whom somebody may see as a list."""
+    """Return the people a user may see as a list."""
     return [EVERYBODY] if people is None else sorted(people)
 
 
 def key_of(name: str) -> str:
-    """Return a name as it is compared: two that look alike are one."""
+    """Return the normalised name: names that look alike are equal."""
     return ' '.join(unicodedata.normalize('NFKC', name).casefold().split())[:128]
 
 
 class Users:
-    """The table of users; safe for several threads."""
+    """The table of users; thread-safe."""
 
     def __init__(self, engine: Engine, now_ns: Callable[[], int]) -> None:
         self._engine = engine
@@ -105,17 +105,17 @@ class Users:
         """
         Add a user.
 
-        :param people: whom they may see; ``*`` is everybody.
-        :param by: who adds it.
-        :param password: its hash, when there is one already.
-        :raises AccountError: the name is taken or is none, a person's name is none.
+        :param people: people they may see; ``*`` means everybody.
+        :param by: the actor who adds it.
+        :param password: its hash, if it is set already.
+        :raises AccountError: the name is taken or not valid, or a person's name is not valid.
         """
         with writing(self._engine) as connection:
             return self.add_in(connection, name, role, people, by, password)
 
     def add_in(self, connection: Connection, name: str, role: Role, people: Iterable[str],
                by: str, password: str) -> User:
-        """Add a user as :meth:`add` does, within a transaction."""
+        """Add a user like :meth:`add`, within a transaction."""
         name = _check_name(name)
         if connection.execute(select(users.c.id).where(users.c.key == key_of(name))).first():
             raise AccountError(f'a user {name} exists', 'take another name')
@@ -140,7 +140,7 @@ class Users:
             return _first(connection, users.c.id == user)
 
     def all(self) -> list[User]:  # noqa: A003
-        """Return all of them, by name."""
+        """Return all users, sorted by name."""
         with reading(self._engine) as connection:
             rows = connection.execute(select(users).order_by(users.c.key)).all()
             people: dict[str, set[str]] = {}
@@ -149,7 +149,7 @@ class Users:
         return [_user(row, people.get(row.id, set())) for row in rows]
 
     def is_empty(self) -> bool:
-        """Return whether there is no user who could come in and administer."""
+        """Return whether no user can log in and administer."""
         with reading(self._engine) as connection:
             return admins(connection) == 0
 
@@ -163,7 +163,7 @@ class Users:
             set_password(connection, user, password, self._now_ns())
 
     def rehash(self, user: str, old: str, password: str) -> None:
-        """Keep the same password by another hash, unless it was changed meanwhile."""
+        """Store a new hash of the same password, unless the password was changed meanwhile."""
         with writing(self._engine) as connection:
             connection.execute(users.update().where(users.c.id == user, users.c.password == old)
                                .values(password=password))
@@ -171,7 +171,7 @@ class Users:
     def change(self, user: str, by: str, *, role: Role | None = None,
                people: Iterable[str] | None = None, is_disabled: bool | None = None) -> User:
         """
-        Change what is given.
+        Change the given attributes.
 
         :raises AccountError: there is no such user, or no admin would be left.
         """
@@ -215,7 +215,7 @@ def set_password(connection: Connection, user: str, password: str, now_ns: int) 
 
 
 def people_of(connection: Connection, user: str) -> frozenset[str] | None:
-    """Return whom a user may see."""
+    """Return the people a user may see."""
     return _people(connection.execute(select(grants.c.person).where(grants.c.user == user)
                                       ).scalars())
 
@@ -245,7 +245,7 @@ def _one(connection: Connection, condition: Any) -> User:
 
 
 def admins(connection: Connection) -> int:
-    """Return how many there are who administer and can come in."""
+    """Return the number of administrators who can log in."""
     return int(connection.execute(select(func.count()).select_from(users).where(
         users.c.role.in_(_ADMINS), users.c.disabled.is_(False), users.c.password != '')
         ).scalar_one())

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The database of the monitor: records of robots and people, on SQLite or PostgreSQL."""
+"""The database of the monitor: records of robots and people, in SQLite or PostgreSQL."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Put records into the database: each once, several batches in one transaction."""
+"""Insert records into the database: each once, several batches in one transaction."""
 
 from __future__ import annotations
 
@@ -43,11 +43,12 @@ from sqlalchemy import select
 from sqlalchemy import Table
 from sqlalchemy import text
 
-# Fewer rows are quicker one by one.
+# Fewer rows than this are inserted faster one by one.
 _AS_ARRAYS: Final = 20
-#: Records set aside of one start of a robot; more are refused, and stay at the robot.
+#: Most invalid records stored aside for one start of a robot; further ones are refused and stay on
+#: the robot.
 ASIDE_MOST: Final = 10_000
-#: Type of the event that says by how much times of records were corrected.
+#: Type of the event that states by how much the times of records were corrected.
 CLOCK_ERROR: Final = 'clock_error'
 
 
@@ -55,7 +56,7 @@ class ReceivedBatch(NamedTuple):
     """
     Records of one start of a robot.
 
-    :ivar clock: of the robot, when they arrived.
+    :ivar clock: the robot's clock when they arrived.
     """
 
     robot: str
@@ -66,14 +67,14 @@ class ReceivedBatch(NamedTuple):
 
 class Added(NamedTuple):
     """
-    What became of a batch.
+    The result of adding a batch.
 
-    :ivar fresh: new records, those that were set aside included.
-    :ivar known: records that had come before.
-    :ivar aside: new ones that make no sense, set aside.
-    :ivar refused: ones that make no sense and were not stored: there is no room for more. The
-        robot must keep them.
-    :ivar misdated: new ones whose time was corrected.
+    :ivar fresh: new records, including those stored aside.
+    :ivar known: records that were received before.
+    :ivar aside: new records that are invalid and were stored aside.
+    :ivar refused: invalid records that were not stored because the limit is reached. The robot
+        must keep them.
+    :ivar misdated: new records whose time was corrected.
     """
 
     fresh: int = 0
@@ -95,7 +96,7 @@ class Adding:
         self._seen: set[tuple[int, int]] = set()
 
     def add(self, batches: Sequence[ReceivedBatch]) -> list[Added]:
-        """Take batches; they are written by :meth:`save`."""
+        """Accept batches; :meth:`save` writes them."""
         self._names.learn(self._connection)
         who: list[tuple[int, int]] = []
         found: list[list[Sent | Aside]] = []
@@ -108,7 +109,7 @@ class Adding:
             found.append(records)
             numbers.setdefault(boot, set()).update(
                 each.seq for each in records if each.seq is not None)
-        # Of all robots at once: asking takes longer than the answer.
+        # One query for all robots: the round trip takes longer than the query itself.
         self._received.load(numbers)
         self._seen.update(who)
         return [self._add(robot, boot, records)
@@ -141,7 +142,7 @@ class Adding:
         return Added(len(fresh) + len(odd), known, len(odd), refused, len(misdated))
 
     def _mark(self, robot: int, boot: int, misdated: Sequence[Sent]) -> None:
-        """Store by how much times were corrected: an event of the robot for each batch."""
+        """Store by how much times were corrected: one event of the robot for each batch."""
         errors_s = [each.clock_error_ns / NS_PER_S for each in misdated]
         numbers = [each.seq for each in misdated]
         content = {'records': len(misdated), 'first_seq': min(numbers), 'last_seq': max(numbers),
@@ -151,7 +152,7 @@ class Adding:
             'boot_id': boot, 'seq': numbers[0], 'arrived_ns': self._now_ns, 'robot_id': robot})
 
     def save(self) -> None:
-        """Write all that was taken; the transaction is the caller's to commit."""
+        """Write all accepted batches; the caller commits the transaction."""
         events = self._rows.pop('alarm_events', None)
         media = self._rows.pop('media', None)
         for name, rows in self._rows.items():
@@ -188,7 +189,7 @@ class Adding:
                  'why': each.why, 'content': each.content} for each in odd])
 
     def _add_media(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        # The same file announced twice, under two numbers, is one.
+        # The same file announced under two numbers is stored once.
         for row in rows:
             found = self._connection.execute(select(MEDIA.c.id).where(
                 MEDIA.c.robot_id == row['robot_id'], MEDIA.c.media == row['media'])).first()
@@ -201,7 +202,7 @@ def write(connection: Connection, table: Table, rows: Sequence[dict[str, Any]]) 
     if connection.dialect.name != POSTGRES or len(rows) < _AS_ARRAYS:
         connection.execute(insert(table), rows)
         return
-    # One statement with an array a column: a row costs the server a third of one by one.
+    # One statement with an array for each column costs the server a third of single inserts.
     names = list(rows[0])
     arrays = ', '.join(
         f'CAST(:{name} AS {table.c[name].type.compile(connection.dialect)}[])' for name in names)

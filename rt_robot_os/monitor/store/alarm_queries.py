@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Alarms, as they are asked for."""
+"""Queries for alarms."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from sqlalchemy import not_
 from sqlalchemy import or_
 from sqlalchemy import select
 
-#: Most that one answer holds.
+#: Most alarms in one answer.
 ALARMS_MOST = 1000
 EVENTS_MOST = 2000
 _COLUMNS = ('state', 'level', 'subject', 'text', 'by', 'why', 'node', 'x', 'y', 'opened_ns',
@@ -46,7 +46,7 @@ _COLUMNS = ('state', 'level', 'subject', 'text', 'by', 'why', 'node', 'x', 'y', 
 
 def alarms(connection: Connection, people: frozenset[str] | None, robot: str | None,
            is_open: bool | None, since_ns: int, limit: int) -> list[dict[str, Any]]:
-    """Return alarms, those that changed last first."""
+    """Return alarms, the most recently changed first."""
     statement = select(ALARMS, ROBOTS.c.robot).join(ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id)
     if people is not None:
         statement = statement.where(_visible(people))
@@ -63,11 +63,12 @@ def alarms(connection: Connection, people: frozenset[str] | None, robot: str | N
 
 def _visible(people: frozenset[str]) -> ColumnElement[bool]:
     """
-    Return what alarms may be seen: of the granted, and of rooms and devices where they live.
+    Return the condition for visible alarms: those about granted people, and about rooms and
+    devices where they live.
 
-    Those of a robot of nobody are for who may see everybody.
+    Alarms of a robot without residents are visible to accounts that may see everybody.
 
-    An alarm about somebody who is known and not granted is nobody's business.
+    An alarm about a known person who is not granted is not visible.
     """
     theirs = select(ROBOT_PEOPLE.c.robot_id).join(
         PEOPLE, PEOPLE.c.id == ROBOT_PEOPLE.c.person_id).where(
@@ -79,7 +80,7 @@ def _visible(people: frozenset[str]) -> ColumnElement[bool]:
 
 def alarms_within(connection: Connection, person: str, start_ns: int, end_ns: int
                   ) -> list[dict[str, Any]]:
-    """Return the alarms about a person that were open at some time within, the oldest first."""
+    """Return the alarms about a person that were open in a time range, the oldest first."""
     found = connection.execute(select(ALARMS, ROBOTS.c.robot).join(
         ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id).where(
             ALARMS.c.subject == person, ALARMS.c.opened_ns < end_ns,
@@ -89,7 +90,7 @@ def alarms_within(connection: Connection, person: str, start_ns: int, end_ns: in
 
 
 def alarm(connection: Connection, robot: str, name: str) -> dict[str, Any] | None:
-    """Return an alarm with its events, notes and media; None when there is none."""
+    """Return an alarm with its events, notes and media; None when it does not exist."""
     row = connection.execute(select(ALARMS, ROBOTS.c.robot).join(
         ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id).where(
             ROBOTS.c.robot == robot, ALARMS.c.alarm == name)).mappings().first()
@@ -125,7 +126,7 @@ def _delivered(events: Iterable[AlarmEvent]) -> tuple[list[str], list[str]]:
 
 def add_note(connection: Connection, robot: str, name: str, by: str, text: str,
              now_ns: int) -> int | None:
-    """Add a note to an alarm; return its number, None when there is no such alarm."""
+    """Add a note to an alarm; return its number, or None when there is no such alarm."""
     number = connection.execute(select(ALARMS.c.id).join(
         ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id).where(
             ROBOTS.c.robot == robot, ALARMS.c.alarm == name)).scalar()
@@ -138,10 +139,10 @@ def add_note(connection: Connection, robot: str, name: str, by: str, text: str,
 def withdraw_note(connection: Connection, note: int, robot: str, name: str, by: str,
                   since_ns: int) -> str | None:
     """
-    Delete a note of an alarm that its author wrote a moment ago.
+    Delete a note of an alarm that its author wrote recently.
 
-    :param since_ns: it was not written before this, in UTC.
-    :return: its text; None when there is no such note.
+    :param since_ns: the earliest time at which the note may have been written, UTC.
+    :return: its text, or None when there is no such note.
     """
     alarms = select(ALARMS.c.id).join(ROBOTS, ROBOTS.c.id == ALARMS.c.robot_id).where(
         ROBOTS.c.robot == robot, ALARMS.c.alarm == name)
@@ -154,7 +155,7 @@ def withdraw_note(connection: Connection, note: int, robot: str, name: str, by: 
 
 
 def media_of(connection: Connection, robot: str, name: str) -> list[dict[str, Any]]:
-    """Return the pictures, clips and sounds of an alarm."""
+    """Return the pictures, clips and sounds of an alarm, the oldest first."""
     return [media_row(row) for row in connection.execute(_media().where(
         ROBOTS.c.robot == robot, MEDIA.c.alarm == name).order_by(
             MEDIA.c.t_ns, MEDIA.c.id).limit(EVENTS_MOST)).mappings()]
@@ -162,7 +163,7 @@ def media_of(connection: Connection, robot: str, name: str) -> list[dict[str, An
 
 def media_list(connection: Connection, robot: str | None, alarm: str | None, limit: int
                ) -> list[dict[str, Any]]:
-    """Return pictures, clips and sounds of a robot and an alarm, or of all, the newest first."""
+    """Return pictures, clips and sounds, the newest first; of a robot and an alarm, or all."""
     wanted = _media()
     if robot is not None:
         wanted = wanted.where(ROBOTS.c.robot == robot)
@@ -173,13 +174,13 @@ def media_list(connection: Connection, robot: str | None, alarm: str | None, lim
 
 
 def media(connection: Connection, number: int) -> dict[str, Any] | None:
-    """Return one of them by its number; None when there is none."""
+    """Return a picture, clip or sound by its number; None when it does not exist."""
     row = connection.execute(_media().where(MEDIA.c.id == number)).mappings().first()
     return None if row is None else media_row(row)
 
 
 def media_by_name(connection: Connection, robot: str, name: str) -> dict[str, Any] | None:
-    """Return one by the name that its robot gave it; None when it was not announced yet."""
+    """Return one by the name that its robot gave it; None when it has not been announced."""
     row = connection.execute(_media().where(
         ROBOTS.c.robot == robot, MEDIA.c.media == name)).mappings().first()
     return None if row is None else media_row(row)
@@ -192,7 +193,7 @@ def _media() -> Any:
 
 
 def media_row(row: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return it as it is in JSON; ``subject`` is that of its alarm."""
+    """Return its JSON form; ``subject`` is that of its alarm."""
     return {'subject': row['subject'] or '', **{name: row[name] for name in (
         'id', 'robot', 'media', 'alarm', 'kind', 'file', 'sha256', 'size', 'width', 'height',
         't_ns', 'arrived_ns', 'path', 'stored_ns')}}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether an event begins another alarm of the same name: the robot lost its journal."""
+"""Detects that a robot lost its journal and uses the name of an alarm again."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from rt_robot_os.base.units import NS_PER_S
 from rt_robot_os.messages.alarm_event import AlarmEvent
 from rt_robot_os.messages.alarm_state import OPENING_EVENTS
 
-#: A clock may step back by so much between two events of an alarm.
+#: Largest backward step of a clock between two events of an alarm.
 LATE_NS: Final = 60 * NS_PER_S
-#: The same event, recorded again by a later start, may differ by so much: clocks are corrected.
+#: Largest time difference of one event that a later start records again: clocks are corrected.
 AGAIN_NS: Final = NS_PER_S
 
 
 def is_reused(event: AlarmEvent, seq: int, t_ns: int, last_seq: int, last_t_ns: int, *,
               later_start: bool) -> bool:
     """
-    Return whether a name was given again: the robot numbers from the beginning.
+    Return whether a name was used again, because the robot's numbering restarted.
 
-    An event that is only late has both a smaller number and an earlier time.
+    An event that merely arrives late has both a smaller number and an earlier time.
 
-    :param seq: number of the event in the robot's journal; ``last_seq`` is of the newest event
-        that is known of the alarm.
-    :param t_ns: UTC of the event; ``last_t_ns`` of that newest one.
-    :param later_start: the event is of a later start of the robot than that newest one.
+    :param seq: number of the event in the robot's journal; ``last_seq`` is that of the newest
+        known event of the alarm.
+    :param t_ns: time of the event, UTC; ``last_t_ns`` is that of the newest known event.
+    :param later_start: the event is of a later start of the robot than the newest known event.
     """
     margin_ns = AGAIN_NS if later_start else LATE_NS
     return (event.event in OPENING_EVENTS and seq <= last_seq

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What has become of an alarm: folded from its events, in whatever order they arrive.
+The state of an alarm, computed from its events in any order of arrival.
 
-The event with the highest number of its robot says the state; each other column is that of the
-newest event that says something about it. So events may be late, repeated or in any order.
+The event with the highest journal number determines the state. Each other column comes from the
+newest event that has a value for it. So events may be late, repeated or out of order.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _STATE: Final = tuple(column.name for column in ALARMS.c
 
 def follow(connection: Connection, rows: Sequence[dict[str, Any]]) -> None:
     """
-    Write events of alarms, and what becomes of these.
+    Write events of alarms, and update the states of these alarms.
 
     :param rows: of ``alarm_events``, with ``robot_id``, ``alarm``, ``state`` and ``level``.
     """
@@ -74,9 +74,9 @@ def follow(connection: Connection, rows: Sequence[dict[str, Any]]) -> None:
 
 def folded(state: Mapping[str, Any] | None, row: Mapping[str, Any]) -> dict[str, Any]:
     """
-    Return what is known of an alarm after one more event; the order of events does not matter.
+    Return the state of an alarm after one more event; the order of events does not matter.
 
-    :param state: what was known, columns of ``alarms``; None: nothing.
+    :param state: the state before, columns of ``alarms``; None for a new alarm.
     """
     event = _event(row)
     seq, t_ns = row['event_seq'], row['t_ns']
@@ -111,7 +111,7 @@ def _is_another(connection: Connection, state: Mapping[str, Any], row: Mapping[s
 
 
 def _put_away(connection: Connection, key: tuple[int, str], number: int) -> None:
-    """Give the older alarm of a name another one."""
+    """Rename the older of two alarms with the same name."""
     robot, alarm = key
     older = f'{alarm[:90]}~{number}'
     connection.execute(update(ALARMS).where(ALARMS.c.id == number), {'alarm': older})

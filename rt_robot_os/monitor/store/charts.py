@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Charts: lowest, mean and highest value a pixel, from the coarsest level that is fine enough.
+Charts: lowest, mean and highest value per pixel, from the coarsest sufficient roll-up.
 
 A year at 1 Hz is 31.5 million rows, and a screen has a thousand columns: the roll-ups are read,
-and what was not rolled up yet. The chart is exact: entries begin where those of the level do, and
-hold whole ones.
+and the rows that are not rolled up yet. The chart is exact: each entry consists of whole entries
+of the roll-up.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ PIXELS_MOST: Final = 10_000
 @dataclass
 class SignChart:
     """
-    What a sign was like over time: an entry for each span in which there were values.
+    The values of a sign over time: one entry for each span that has values.
 
-    :ivar unit: for people.
-    :ivar level: what it was made of: ``raw``, ``minutes``, ``hours``, ``days``.
-    :ivar width_ns: what an entry spans.
-    :ivar t_ns: where the entries begin; UTC.
-    :ivar count: values in each.
-    :ivar limits: of the sign, as the robot said them last.
-    :ivar alarms: about the person, that were open in it.
+    :ivar unit: as shown to people.
+    :ivar level: the data it was computed from: ``raw``, ``minutes``, ``hours``, ``days``.
+    :ivar width_ns: the span of an entry.
+    :ivar t_ns: start times of the entries, UTC.
+    :ivar count: number of values in each entry.
+    :ivar limits: the limits of the sign that the robot sent last.
+    :ivar alarms: alarms about the person that were open in this time.
     """
 
     person: str
@@ -75,11 +75,11 @@ class SignChart:
     alarms: list[dict[str, Any]] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as it is in JSON."""
+        """Return its JSON form."""
         return asdict(self)
 
 
-# The sums keep indexes out of it: the newest rows are found by their numbers, not by their times.
+# "+ 0" prevents the use of an index on time: the newest rows are found by their ids.
 _NEWEST: Final = f"""
     SELECT (t_ns - :origin) / :width AS entry, min(value), max(value), sum(value), count(*)
     FROM observations WHERE id > :done AND series_id + 0 = :series
@@ -99,14 +99,15 @@ _ROLLED: Final = {table.name: text(f"""
 def chart(connection: Connection, person: str, sign: str, unit: str, start_ns: int, end_ns: int,
           pixels: int) -> SignChart:
     """
-    Make a chart; of nobody and nothing it is empty.
+    Make a chart; it is empty for an unknown person or sign.
 
-    :param end_ns: exclusive; where a level's entries do not end there, the last one is whole.
-    :param pixels: entries that it has at most.
+    :param end_ns: exclusive; when it lies within an entry of the level, that entry is included
+        whole.
+    :param pixels: the most entries.
     """
     end_ns = max(end_ns, start_ns + 1)
     level, span_ns = _level(connection, start_ns, (end_ns - start_ns) / _bounded(pixels))
-    # Whole entries of the level; one fewer where the first begins before the start.
+    # Whole entries of the level; one fewer when the first begins before the start.
     begin_ns = start_ns if level is None else start_ns // span_ns * span_ns
     width_ns = -(-(end_ns - begin_ns) // (span_ns * _bounded(pixels))) * span_ns
     made = SignChart(person, sign, unit, start_ns, end_ns, RAW if level is None else level.name,
@@ -129,7 +130,7 @@ def _fill(made: SignChart, begin_ns: int, rows: Iterable[Any]) -> None:
     for entry, low, high, total, count in rows:
         made.t_ns.append(begin_ns + int(entry) * made.width_ns)
         made.low.append(low)
-        # The mean of values that are all the same is that value, whatever their sum rounds to.
+        # The mean of identical values is that value, however their sum is rounded.
         made.mean.append(min(max(total / int(count), low), high))
         made.high.append(high)
         made.count.append(int(count))
@@ -140,7 +141,7 @@ def _bounded(pixels: int) -> int:
 
 
 def _level(connection: Connection, start_ns: int, pixel_ns: float) -> tuple[Table | None, int]:
-    """Return the coarsest level that is fine enough and there; None: the rows themselves."""
+    """Return the coarsest level that is fine enough and available; None for the raw rows."""
     found: tuple[Table | None, int] | None = None
     if start_ns >= horizon(connection, RAW):
         found = None, 1

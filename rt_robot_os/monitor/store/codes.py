@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The one table of codes: what a sign of ours is called in LOINC, and its unit in UCUM.
+The only table of codes: the LOINC code of each sign, and its unit in UCUM.
 
-What has no code of its own in LOINC, or one that says something else, has one of a code system of
-this package. Units are written as UCUM does, case and all.
+A sign without a matching code in LOINC has a code from a code system of this package. Units are
+written as in UCUM, which is case-sensitive.
 """
 
 from __future__ import annotations
@@ -28,21 +28,22 @@ from typing import NamedTuple
 
 LOINC: Final = 'http://loinc.org'
 UCUM: Final = 'http://unitsofmeasure.org'
-#: Of what has no code elsewhere.
+#: Code system of the signs that LOINC has no code for.
 LOCAL: Final = 'https://rt-robot-os.example.org/fhir/CodeSystem/sign'
 
 
 class SignCode(NamedTuple):
     """
-    How a sign is coded.
+    The code of a sign.
 
-    :ivar system: whose code it is.
+    :ivar system: the code system.
     :ivar code: the code.
-    :ivar title: what it means.
-    :ivar unit: for people.
-    :ivar ucum: the unit for machines; '' when the value has none.
-    :ivar profile: the vital signs profile that it must follow, the last part of its URL; '': none.
-    :ivar more: another code of LOINC for the same.
+    :ivar title: its meaning.
+    :ivar unit: as shown to people.
+    :ivar ucum: the unit in UCUM; '' when the value has no unit.
+    :ivar profile: the vital signs profile that it must follow, as the last part of its URL; '' for
+        none.
+    :ivar more: a second LOINC code for the same sign.
     """
 
     system: str
@@ -54,7 +55,7 @@ class SignCode(NamedTuple):
     more: tuple[str, ...] = ()
 
 
-#: Signs as vital_signs names them, what wearables measure besides, and the score.
+#: Signs as vital_signs names them, further values of wearables, and the score.
 CODES: Final[Mapping[str, SignCode]] = MappingProxyType({
     'pulse_per_min': SignCode(LOINC, '8867-4', 'Heart rate', '1/min', '/min', 'heartrate'),
     'respiration_per_min': SignCode(LOINC, '9279-1', 'Respiratory rate', '1/min', '/min',
@@ -69,7 +70,7 @@ CODES: Final[Mapping[str, SignCode]] = MappingProxyType({
     'consciousness': SignCode(LOCAL, 'consciousness', 'Consciousness: 0 alert, 1 new confusion, '
                               '2 voice, 3 pain, 4 unresponsive', '', '{code}'),
 })
-#: A pressure is told as the two components of this panel.
+#: A blood pressure is exported as the two components of this panel.
 PRESSURE: Final = SignCode(LOINC, '85354-9', 'Blood pressure panel with all children optional',
                            'mmHg', 'mm[Hg]', 'bp')
 SYSTOLIC: Final = 'systolic_mmhg'
@@ -77,10 +78,10 @@ DIASTOLIC: Final = 'diastolic_mmhg'
 
 
 def code_of(sign: str) -> SignCode:
-    """Return the code of a sign, of the local system when it has none elsewhere."""
+    """Return the code of a sign; one of the local system when LOINC has none."""
     return CODES.get(sign) or SignCode(LOCAL, sign, sign.replace('_', ' '), '', '1')
 
 
 def unit_of(sign: str) -> str:
-    """Return the unit of a sign, for people; '' when it has none or nobody knows."""
+    """Return the unit of a sign as shown to people; '' when it has none or is unknown."""
     return code_of(sign).unit

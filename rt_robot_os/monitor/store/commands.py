@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`monitor database`: its version, its size, a copy, a check, and to erase a person."""
+"""`monitor database`: show version and size, back up, check, and erase a person."""
 
 from __future__ import annotations
 
@@ -55,23 +55,23 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser('database', help='the database of records', allow_abbrev=False)
     words = parser.add_subparsers(dest='word', required=True, metavar='COMMAND')
     one = add_command(words, 'status', _status, 'show version, size and rows, in JSON')
-    one = add_command(words, 'check', _check, 'look for damage; exit code 1 when there is some')
-    one = add_command(words, 'backup', _backup, 'copy it while it is in use')
-    one.add_argument('file', type=Path, help='a file that is not there yet')
-    one = add_command(words, 'upgrade', _upgrade, 'bring it to a version; the server does it by '
-                      'itself when it starts')
+    one = add_command(words, 'check', _check, 'check for damage; exit code 1 when there is any')
+    one = add_command(words, 'backup', _backup, 'make a copy while it is in use')
+    one.add_argument('file', type=Path, help='a file that does not exist yet')
+    one = add_command(words, 'upgrade', _upgrade, 'upgrade it to a version; the server does this '
+                      'when it starts')
     one.add_argument('version', nargs='?', default=HEAD, help='default: the newest')
-    one = add_command(words, 'downgrade', _downgrade, 'take it back to a version; what that has '
-                      'no place for is deleted')
+    one = add_command(words, 'downgrade', _downgrade, 'downgrade it to a version; data that it '
+                      'cannot store is deleted')
     one.add_argument('version', help='such as 0001; base deletes everything')
     one.add_argument('--yes', action='store_true', help='do it')
     one = add_command(words, 'erase', _erase, 'erase a person: observations, alarms about them '
                       'with their files, their name elsewhere; not in the audit nor in backups')
-    one.add_argument('person', help='in any spelling: capitals do not count')
+    one.add_argument('person', help='in any spelling; case is ignored')
     one.add_argument('--yes', action='store_true', help='do it')
     one.add_argument('--with-account', action='store_true', help='also the account of the user '
                      'with this name')
-    one = add_command(words, 'aside', _aside, 'show records that made no sense, as lines of JSON')
+    one = add_command(words, 'aside', _aside, 'show invalid records, as lines of JSON')
     one.add_argument('--limit', type=int, default=100)
 
 
@@ -82,7 +82,7 @@ def _url(arguments: argparse.Namespace) -> str:
 
 @contextmanager
 def _store(arguments: argparse.Namespace) -> Iterator[Store]:
-    """Open a database as it is; nothing is brought to another version."""
+    """Open a database without upgrading it."""
     with _engine(arguments) as engine:
         found = version(engine)
         if found != versions()[-1]:
@@ -96,7 +96,7 @@ def _engine(arguments: argparse.Namespace) -> Iterator[Engine]:
     url = read_url(_url(arguments))
     path = Path(url.database or '')
     if url.get_backend_name() == 'sqlite' and not path.exists():
-        raise ConfigError([f'there is no database {path}: say which with --folder or --database'])
+        raise ConfigError([f'there is no database {path}: choose one with --folder or --database'])
     engine = open_engine(url)
     try:
         yield engine
@@ -113,7 +113,7 @@ def _status(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> int:
     with _store(arguments) as store:
         problems = check(store)
-    print(*(problems or ['all is well']), sep='\n')
+    print(*(problems or ['no damage found']), sep='\n')
     return FAILED if problems else OK
 
 
@@ -132,8 +132,8 @@ def _upgrade(arguments: argparse.Namespace) -> int:
 
 def _downgrade(arguments: argparse.Namespace) -> int:
     if not arguments.yes:
-        raise ConfigError([f'version {arguments.version} has no place for what came later: that '
-                           'is deleted. Make a backup, then say --yes'])
+        raise ConfigError([f'version {arguments.version} cannot store newer data: that data '
+                           'is deleted. Make a backup, then repeat with --yes'])
     with _engine(arguments) as engine:
         print(downgrade(engine, arguments.version) or 'empty')
     return OK
@@ -141,13 +141,13 @@ def _downgrade(arguments: argparse.Namespace) -> int:
 
 def _erase(arguments: argparse.Namespace) -> int:
     if not arguments.yes:
-        raise ConfigError([f'{arguments.person} is erased for good: say --yes'])
+        raise ConfigError([f'{arguments.person} is erased permanently: repeat with --yes'])
     settings = settings_of(arguments)
     with _store(arguments) as store, opened(arguments) as accounts:
         erased = store.erase(arguments.person, arguments.with_account)
         media = MediaStore(settings.where / 'media', settings.media_mb, settings.media_days)
         gone = sum(media.forget(robot, sha256) for robot, sha256 in erased.files)
-        # The audit proves that a person was erased to those who know the name, without it.
+        # The audit proves the erasure to those who know the name, without storing the name.
         accounts.audit.note(console(), 'person.erase', accounts.audit.pseudonym(
             key_of(arguments.person)), **erased.rows)
     print(json.dumps({**asdict(erased), 'files_deleted': gone}, indent=1))

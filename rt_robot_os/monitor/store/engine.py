@@ -15,10 +15,10 @@
 """
 Open a database: SQLite in a file, or PostgreSQL by a URL.
 
-SQLite runs in WAL mode with ``synchronous=FULL``: a commit is in the file system's log before it
-is acknowledged. With NORMAL a power cut takes the last commits back, and the robot, to which they
-were acknowledged, has deleted them. What it costs, one sync a commit, is shared by the records of
-all robots that came meanwhile (:mod:`~rt_robot_os.monitor.store.writer`).
+SQLite runs in WAL mode with ``synchronous=FULL``: a commit is on the disk before it is
+acknowledged. With NORMAL a power cut would lose the last commits, which the robot has deleted
+after their acknowledgement. The cost, one sync per commit, is shared by the records of all robots
+that arrived meanwhile (:mod:`~rt_robot_os.monitor.store.writer`).
 """
 
 from __future__ import annotations
@@ -51,15 +51,15 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 SQLITE: Final = 'sqlite'
 POSTGRES: Final = 'postgresql'
-#: How long anybody waits for the one who writes.
+#: How long a connection waits for another one that writes.
 BUSY_MS: Final = 5000
 _MODE: Final = 0o600
 _CACHE_KIB: Final = 65536
-# Pages of the WAL before they go into the file: 32 MB, so that pages that many commits have
-# changed are written once.
+# Pages of the WAL before a checkpoint: 32 MB, so that pages changed by many commits are written
+# once.
 _CHECKPOINT_PAGES: Final = 8000
 _CONNECTIONS: Final = 8
-# One number for all servers on one database: who writes records holds it for one transaction.
+# Key of the advisory lock that a process holds during one transaction that writes.
 _WRITERS: Final = 0x72745F6F73
 _TURNS: Final[WeakKeyDictionary[Engine, Turns]] = WeakKeyDictionary()
 _TURNS_LOCK: Final = threading.Lock()
@@ -67,38 +67,38 @@ _TURNS_LOCK: Final = threading.Lock()
 
 def read_url(text: str) -> URL:
     """
-    Read where a database is: a URL, or the path of an SQLite file.
+    Parse the location of a database: a URL, or the path of an SQLite file.
 
-    :raises StartError: it is neither; the message never has the password.
+    :raises StartError: it is neither; the message never contains the password.
     """
     if '://' not in text:
         return URL.create(SQLITE, database=str(Path(text).expanduser()))
     try:
         url = make_url(text)
     except (ArgumentError, ValueError) as error:
-        raise StartError('database: no URL such as sqlite:////var/lib/monitor/monitor.db or '
+        raise StartError('database: not a URL such as sqlite:////var/lib/monitor/monitor.db or '
                          'postgresql://user@host/monitor') from error
     name = url.get_backend_name()
     if name in (POSTGRES, 'postgres'):
         require('a PostgreSQL database', 'psycopg')
         try:
             import_module('psycopg')
-        except ImportError as error:  # without the library of PostgreSQL, or its binary part
+        except ImportError as error:  # libpq or the binary part of psycopg is missing
             raise StartError(f'psycopg cannot be imported: {error}') from error
         return url.set(drivername='postgresql+psycopg')
     if name != SQLITE:
         raise StartError(f'database: {name[:40]!r} is neither sqlite nor postgresql')
     if not url.database or url.database == ':memory:':
-        raise StartError('database: SQLite needs a file, such as sqlite:////tmp/monitor.db; what '
-                         'is in memory is lost with the process')
+        raise StartError('database: SQLite needs a file, such as sqlite:////tmp/monitor.db; one '
+                         'in memory is lost with the process')
     return url.set(drivername=SQLITE)
 
 
 def open_engine(url: URL) -> Engine:
     """
-    Open a database; its file is made, for its owner alone.
+    Open a database; its file is created with access for its owner only.
 
-    :raises StartError: the file cannot be made, or this user may not write to it.
+    :raises StartError: the file cannot be created, or this user may not write to it.
     """
     if url.get_backend_name() == SQLITE:
         _make_file(Path(url.database or ''))
@@ -127,7 +127,7 @@ def _make_file(path: Path) -> None:
 
 
 def _set_up_sqlite(connection: sqlite3.Connection, _: object) -> None:
-    # The driver begins nothing by itself: see _begin_sqlite.
+    # The driver begins no transaction by itself: see _begin_sqlite.
     connection.isolation_level = None
     for pragma in (f'busy_timeout = {BUSY_MS}', 'journal_mode = WAL', 'synchronous = FULL',
                    'foreign_keys = ON', f'cache_size = -{_CACHE_KIB}', 'temp_store = MEMORY',
@@ -137,8 +137,8 @@ def _set_up_sqlite(connection: sqlite3.Connection, _: object) -> None:
 
 
 def _begin_sqlite(connection: Connection) -> None:
-    # Who will write says so at once: a reader that becomes a writer may find that another was
-    # quicker, and no waiting helps then.
+    # A transaction that will write begins as a writer: a reader that becomes a writer fails,
+    # without waiting, when another process wrote meanwhile.
     writes = connection.get_execution_options().get('writes', False)
     connection.exec_driver_sql('BEGIN IMMEDIATE' if writes else 'BEGIN')
 
@@ -146,9 +146,9 @@ def _begin_sqlite(connection: Connection) -> None:
 @contextmanager
 def reading(engine: Engine) -> Iterator[Connection]:
     """
-    Give a connection whose statements all see the same state of the database.
+    Yield a connection whose statements all see the same state of the database.
 
-    :raises StoreError: the database is away.
+    :raises StoreError: the database is unavailable.
     """
     with _told(), engine.connect() as connection:
         if connection.dialect.name == POSTGRES:
@@ -159,11 +159,11 @@ def reading(engine: Engine) -> Iterator[Connection]:
 @contextmanager
 def writing(engine: Engine) -> Iterator[Connection]:
     """
-    Give a connection that writes; committed at the end, one at a time over all processes.
+    Yield a connection that writes, one at a time over all processes; commit at the end.
 
-    In this process the turns are fair; over processes the database decides.
+    Within this process the order is fair; between processes the database decides.
 
-    :raises StoreError: the database is away, locked or full; nothing is done.
+    :raises StoreError: the database is unavailable, locked or full; nothing is done.
     """
     with _turns_of(engine).turn(), _told(), engine.connect().execution_options(
             writes=True) as connection:
@@ -191,7 +191,7 @@ def _told() -> Iterator[None]:
 
 
 def is_passing(error: DBAPIError) -> bool:
-    """Return whether the outside world is to blame, so that it may work later."""
+    """Return whether the cause is outside of the program, so that a later attempt may succeed."""
     name = type(error.orig).__name__
     # psycopg: DiskFull, TooManyConnections, AdminShutdown ... are OperationalErrors.
     return bool(error.connection_invalidated) or isinstance(error.orig, sqlite3.OperationalError) \

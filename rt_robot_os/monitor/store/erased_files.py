@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Make the files of a database forget what was deleted from it.
+Remove deleted data from the files of a database.
 
 A deleted row stays in free pages, in the write-ahead log and, with PostgreSQL, in dead rows and in
-statistics until something else takes their place.
+statistics until these are overwritten.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from sqlalchemy import Engine
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
-#: How long readers and writers are waited for.
+#: How long to wait for readers and writers.
 PATIENCE_S: Final = 30.0
 _PAUSE_S: Final = 0.1
 _WAL: Final = ('the write-ahead log of PostgreSQL, until the server has recycled it: force it '
-               'with pg_switch_wal() and CHECKPOINT; archives and replicas of it have a copy')
+               'with pg_switch_wal() and CHECKPOINT; its archives and replicas have a copy')
 
 
 def forget_deleted(engine: Engine) -> list[str]:
     """
-    Rewrite the files without what was deleted. Writers wait meanwhile.
+    Rewrite the files without deleted data. Writers wait meanwhile.
 
-    :return: what may still have a copy, in words; empty for SQLite when all went well.
+    :return: descriptions of what may still hold a copy; empty for SQLite on success.
     """
     return _postgres(engine) if engine.dialect.name == POSTGRES else _sqlite(engine)
 
@@ -55,7 +55,7 @@ def _sqlite(engine: Engine) -> list[str]:
             connection.execute('PRAGMA secure_delete = ON')
             connection.execute('VACUUM')
             end = time.monotonic() + PATIENCE_S
-            # A reader of an older state holds the log: the next try may find it gone.
+            # A reader of an older state keeps the log; it may have ended by the next attempt.
             while connection.execute('PRAGMA wal_checkpoint(TRUNCATE)').fetchone()[0]:
                 if time.monotonic() > end:
                     return ['the write-ahead log, which another process reads: end it, then '
@@ -72,7 +72,7 @@ def _postgres(engine: Engine) -> list[str]:
     with engine.connect().execution_options(isolation_level='AUTOCOMMIT') as connection:
         for table in METADATA.sorted_tables:
             try:
-                # Statistics hold frequent values: they are made again as well.
+                # Statistics contain frequent values, so they are rebuilt as well.
                 connection.execute(text(f'VACUUM (FULL, ANALYZE) "{table.name}"'))
             except DBAPIError as error:
                 left.append(f'dead rows of {table.name} ({str(error.orig).strip()[:100]}): run '

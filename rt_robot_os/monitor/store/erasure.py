@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-Erase a person: what was measured of them, alarms about them, and their name wherever else it is.
+Erase a person: their measurements, alarms about them, and their name everywhere else.
 
-The audit keeps who saw what of whom, which is what it is for; backups are the keeper's to delete.
+The audit retains who saw whose data: that is its purpose. The operator of the server deletes
+backups.
 """
 
 from __future__ import annotations
@@ -54,17 +55,18 @@ from sqlalchemy import tuple_
 from sqlalchemy import UniqueConstraint
 from sqlalchemy import update
 
-#: Tables that are never changed: the audit proves who saw what, and is a chain.
+#: Tables that are never changed: the audit is a chain that proves who saw what.
 KEPT_TABLES: Final = frozenset({'audit', 'audit_head', 'progress'})
-#: Columns that the server alone writes: random ids, hashes, words of its own.
+#: Columns that only the server writes: random ids, hashes, fixed words.
 MADE_HERE: Final = frozenset({
     'robots.robot', 'robots.residents', 'media.path', 'users.id', 'users.role', 'users.password',
     'sessions.id', 'sessions.token', 'sessions.user', 'emergencies.id', 'emergencies.user',
     'emergencies.session', 'invitations.token', 'invitations.user', 'robot_accounts.id',
     'robot_accounts.token', 'grants.user'})
-#: Of accounts: a user is not the person of the same name, and is erased only when that is said.
+#: Tables of accounts: a user with the same name may be another person, and is erased only on
+#: request.
 OF_ACCOUNTS: Final = frozenset({'users.name', 'users.key'})
-#: Large tables in which one value stands in many rows.
+#: Large tables in which one value occurs in many rows.
 _REPEATED: Final = frozenset({'observations.source', 'places.room'})
 _STEP: Final = 1000
 
@@ -74,11 +76,11 @@ class Erased:
     """
     What was erased.
 
-    :ivar rows: deleted, by table.
-    :ivar changed: rows of others in which the name stood.
+    :ivar rows: number of deleted rows, by table.
+    :ivar changed: number of other rows that contained the name.
     :ivar files: pictures and clips that have to be deleted: robot and SHA-256.
-    :ivar accounts: names of users that are or contain the name, and stay.
-    :ivar left: what may still have a copy, in words.
+    :ivar accounts: users whose name is or contains the name; they are not erased.
+    :ivar left: descriptions of what may still hold a copy.
     """
 
     rows: dict[str, int]
@@ -90,7 +92,7 @@ class Erased:
 
 def erase(engine: Engine, person: str, with_account: bool = False) -> Erased:
     """
-    Erase a person, by any spelling of the name; when it ends early, do it again.
+    Erase a person, by any spelling of the name; after an error call it again.
 
     :param with_account: also the account of a user with this name.
     :raises StoreError: the database is away or full.
@@ -100,7 +102,7 @@ def erase(engine: Engine, person: str, with_account: bool = False) -> Erased:
         people = [row.id for row in connection.execute(select(PEOPLE)) if name.is_of(row.person)]
         series = list(connection.execute(select(SERIES.c.id).where(
             SERIES.c.person_id.in_(people))).scalars())
-    # Most of it in steps, so that robots can go on writing.
+    # Most of it in steps, so that records of robots can be written meanwhile.
     rows = {'observations': sum(drop(engine, OBSERVATIONS, OBSERVATIONS.c.series_id == each)
                                 for each in series),
             'places': sum(drop(engine, PLACES, PLACES.c.person_id == each) for each in people)}
@@ -123,7 +125,7 @@ def erase(engine: Engine, person: str, with_account: bool = False) -> Erased:
 
 def _delete(connection: Connection, name: PersonName, people: Collection[int],
             rows: dict[str, int]) -> list[tuple[str, str]]:
-    """Delete what is about the person alone; return the files of which nothing is left."""
+    """Delete the rows about this person only; return the files that are no longer referenced."""
     subjects = [each for each in connection.execute(
         select(ALARMS.c.subject).distinct()).scalars() if name.is_of(each)]
     files = _media(connection, subjects, rows)
@@ -140,7 +142,7 @@ def _delete(connection: Connection, name: PersonName, people: Collection[int],
 
 def _media(connection: Connection, subjects: Collection[str], rows: dict[str, int]
            ) -> list[tuple[str, str]]:
-    """Delete the media of a person's alarms; return the files of which nothing is left."""
+    """Delete the media of a person's alarms; return the files that are no longer referenced."""
     about = (MEDIA.c.robot_id == ALARMS.c.robot_id) & (MEDIA.c.alarm == ALARMS.c.alarm)
     found = connection.execute(select(MEDIA.c.id, ROBOTS.c.robot, MEDIA.c.sha256).join(
         ROBOTS, ROBOTS.c.id == MEDIA.c.robot_id).join(ALARMS, about).where(
@@ -155,7 +157,7 @@ def _media(connection: Connection, subjects: Collection[str], rows: dict[str, in
 
 
 def _delete_aside(engine: Engine, name: PersonName) -> int:
-    """Delete records aside that name the person: they may hold what was measured."""
+    """Delete records stored aside that name the person: they may contain measurements."""
     count = 0
     for rows in _steps(engine, UNKNOWN):
         found = [row['id'] for row in rows if any(
@@ -168,7 +170,7 @@ def _delete_aside(engine: Engine, name: PersonName) -> int:
 
 
 def _take_out(engine: Engine, table: Table, name: PersonName) -> int:
-    """Replace the name in all texts of a table; return how many rows were changed."""
+    """Replace the name in all strings of a table; return how many rows were changed."""
     columns = [each for each in table.c if isinstance(each.type, String)
                and str(each) not in MADE_HERE | OF_ACCOUNTS]
     changed = 0
@@ -212,7 +214,7 @@ def _replace_repeated(engine: Engine, table: Table, column: Column[Any], name: P
 
 
 def _fitting(text: str, column: Column[Any], suffix: str = '') -> str:
-    """Return a text that the column holds; with a suffix it is the only one of its kind."""
+    """Return a string that fits into the column; a suffix makes it unique."""
     length = getattr(column.type, 'length', None) or len(text) + len(suffix) + 1
     return f'{text[:length - len(suffix) - 1]}~{suffix}' if suffix else text[:length]
 
@@ -224,7 +226,7 @@ def _unique(table: Table) -> set[str]:
 
 
 def _steps(engine: Engine, table: Table) -> Iterable[list[Any]]:
-    """Return all rows of a table, some at a time, in order of the primary key."""
+    """Yield all rows of a table in batches, in order of the primary key."""
     key = list(table.primary_key)
     after: list[Any] = []
     while True:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Observations for others, however many: read a page at a time, written as they are read."""
+"""Export of any number of observations: read a page at a time and written while reading."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from rt_robot_os.monitor.store.fhir import bundle
 from rt_robot_os.monitor.store.fhir import instant
 from rt_robot_os.monitor.store.store import Store
 
-#: Rows that are in memory at a time.
+#: Rows in memory at a time.
 PAGE_ROWS: Final = 2000
 COLUMNS: Final = ('time', 'person', 'sign', 'value', 'unit', 'quality', 'source', 'robot', 'loinc',
                   't_ns', 'arrived_ns', 'boot', 'seq')
-#: Spreadsheets take a text that begins so for a formula.
+#: Spreadsheets treat a string that begins with one of these as a formula.
 _FORMULA: Final = ('=', '+', '-', '@', '\t', '\r')
 
 Clean = Callable[[str], str]
@@ -43,9 +43,9 @@ Clean = Callable[[str], str]
 def rows(store: Store, person: str, sign: str | None, start_ns: int, end_ns: int
          ) -> Iterator[dict[str, Any]]:
     """
-    Give observations in order of time.
+    Yield observations in order of time.
 
-    :raises StoreError: the database is away; what was given until then is not all.
+    :raises StoreError: the database is unavailable; the observations so far are incomplete.
     """
     after: tuple[int, int] | None = None
     while page := store.observations(person, sign, start_ns, end_ns, PAGE_ROWS, after):
@@ -55,9 +55,9 @@ def rows(store: Store, person: str, sign: str | None, start_ns: int, end_ns: int
 
 def as_csv(found: Iterable[dict[str, Any]], clean: Clean = str) -> Iterator[str]:
     """
-    Write observations as CSV (RFC 4180), with a head.
+    Write observations as CSV (RFC 4180), with a header.
 
-    :param clean: what is done to names of sensors, which may name somebody.
+    :param clean: replaces names of people in names of sensors.
     """
     text = io.StringIO()
     writer = csv.writer(text)
@@ -77,7 +77,7 @@ def as_csv(found: Iterable[dict[str, Any]], clean: Clean = str) -> Iterator[str]
 
 def as_fhir(person: str, found: Iterable[dict[str, Any]], now_ns: int, clean: Clean = str
             ) -> Iterator[str]:
-    """Write observations as a bundle of FHIR R4, in pieces of some size."""
+    """Write observations as a FHIR R4 bundle, in chunks."""
     parts: list[str] = []
     for part in bundle(person, ({**row, 'source': clean(row['source'])} for row in found), now_ns):
         parts.append(part)

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Observations as FHIR R4: a bundle of the person and what was measured, by the vital signs profile.
+Observations as FHIR R4: a bundle of the person and the measurements, by the vital signs profile.
 
-It is how others take records over, not how they are kept. A value that there was not says why
-(``dataAbsentReason``); one that two sensors contradict is ``preliminary``. Systolic and diastolic
-pressure of one moment are the components of one panel. What LOINC has no code for has one of
+It is a format for export, not for storage. A missing value has a reason (``dataAbsentReason``); a
+value that two sensors contradict is ``preliminary``. Systolic and diastolic pressure of one
+measurement are the components of one panel. A sign without a LOINC code has one of
 :data:`~rt_robot_os.monitor.store.codes.LOCAL`.
 """
 
@@ -44,13 +44,13 @@ from rt_robot_os.monitor.store.codes import SignCode
 from rt_robot_os.monitor.store.codes import SYSTOLIC
 from rt_robot_os.monitor.store.codes import UCUM
 
-#: Systolic and diastolic pressure are of one measurement when they are no further apart.
+#: Longest time between systolic and diastolic pressure of one measurement.
 TOGETHER_NS: Final = NS_PER_S
 _PROFILES: Final = 'http://hl7.org/fhir/StructureDefinition/'
 _CATEGORIES: Final = 'http://terminology.hl7.org/CodeSystem/observation-category'
 _ABSENT: Final = 'http://terminology.hl7.org/CodeSystem/data-absent-reason'
 _PEOPLE: Final = 'https://rt-robot-os.example.org/fhir/person'
-#: Why there is no value, by quality.
+#: Reason for a missing value, by quality.
 _REASONS: Final = {'off': 'not-performed', 'missing': 'unknown', 'stale': 'temp-unknown'}
 _NAMESPACE: Final = UUID('5f0b4d39-9d8e-4c55-8c0e-3b6a1f3c0f5e')
 _PRESSURES: Final = frozenset({SYSTOLIC, DIASTOLIC})
@@ -60,12 +60,12 @@ Row = Mapping[str, Any]
 
 def bundle(person: str, rows: Iterable[Row], now_ns: int) -> Iterator[str]:
     """
-    Write a bundle piece by piece.
+    Yield a bundle in pieces.
 
     :param rows: observations of this person, as ``Store.observations`` gives them, in order of
         time.
     :param now_ns: UTC.
-    :return: texts that together are one JSON document.
+    :return: strings that together are one JSON document.
     """
     yield ('{"resourceType":"Bundle","type":"collection","timestamp":"' + instant(now_ns)
            + '","entry":[')
@@ -78,20 +78,20 @@ def bundle(person: str, rows: Iterable[Row], now_ns: int) -> Iterator[str]:
 
 
 def instant(t_ns: int) -> str:
-    """Return a time as FHIR writes it: UTC, to the millisecond."""
+    """Return a time in the format of FHIR: UTC, to the millisecond."""
     found = datetime.fromtimestamp(t_ns // NS_PER_S, timezone.utc)
     return f'{found:%Y-%m-%dT%H:%M:%S}.{t_ns % NS_PER_S // 1_000_000:03d}Z'
 
 
 def patient(person: str) -> dict[str, Any]:
-    """Return who it is about: a pseudonym and nothing else."""
+    """Return the patient: a pseudonym and nothing else."""
     return {'resourceType': 'Patient', 'id': str(uuid5(_NAMESPACE, person)),
             'identifier': [{'use': 'secondary', 'system': _PEOPLE, 'value': person}]}
 
 
 def observation(rows: tuple[Row, ...], subject: str) -> dict[str, Any]:
     """
-    Return what was measured: one value, or the two of a pressure.
+    Return a measurement: one value, or the two of a blood pressure.
 
     :param subject: reference to the person.
     """
@@ -120,7 +120,7 @@ def observation(rows: tuple[Row, ...], subject: str) -> dict[str, Any]:
 
 
 def _grouped(rows: Iterable[Row]) -> Iterator[tuple[Row, ...]]:
-    """Give rows one by one, the two pressures of a measurement together."""
+    """Yield rows one by one, the two pressures of a measurement together."""
     waiting: list[Row] = []
     for row in rows:
         while waiting and row['t_ns'] - waiting[0]['t_ns'] > TOGETHER_NS:

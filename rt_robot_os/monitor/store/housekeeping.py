@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is done now and then while the server runs: thin what is older than it is kept."""
+"""Periodic work while the server runs: delete data older than its retention time."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ FIRST_S: Final = 60.0
 
 class Housekeeping:
     """
-    A thread that does it; ended by :meth:`close`.
+    The thread for this work; ended by :meth:`close`.
 
-    :param thin: deletes what is too old, and returns how many rows of each table.
+    :param thin: deletes expired data, and returns the number of rows for each table.
     :ivar thinned: rows deleted so far.
-    :ivar fault: why the last time failed; '' when all is well.
+    :ivar fault: why the last run failed; '' after success.
     """
 
     def __init__(self, thin: Callable[[], dict[str, int]], *, first_s: float = FIRST_S,
@@ -47,7 +47,7 @@ class Housekeeping:
         self._thread.start()
 
     def close(self) -> None:
-        """End, after what is being done."""
+        """End after the current run."""
         self._closing.set()
         self._thread.join()
 
@@ -60,4 +60,4 @@ class Housekeeping:
                 self.fault = ''
             except StoreError as error:
                 self.fault = str(error)
-                print(f'monitor: nothing was thinned: {error}', file=sys.stderr, flush=True)
+                print(f'monitor: deleting old data failed: {error}', file=sys.stderr, flush=True)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The one list of tables; each part of the server adds its own to it."""
+"""The SQLAlchemy metadata of all tables; each part of the server adds its own."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from sqlalchemy import BigInteger
 from sqlalchemy import Integer
 from sqlalchemy import MetaData
 
-#: Every constraint has a name, the same on each database: a migration can drop it by that.
+#: Every constraint has the same name on each database, so that a migration can drop it by name.
 METADATA: Final = MetaData(naming_convention={
     'ix': 'ix_%(table_name)s_%(column_0_N_name)s',
     'uq': 'uq_%(table_name)s_%(column_0_N_name)s',
@@ -30,5 +30,5 @@ METADATA: Final = MetaData(naming_convention={
     'fk': 'fk_%(table_name)s_%(column_0_N_name)s_%(referred_table_name)s',
     'pk': 'pk_%(table_name)s'})
 
-#: Of keys that count up: 64 bits; SQLite counts up in its own INTEGER only, which has as many.
+#: Type of autoincrement keys: 64 bits; SQLite supports this only for INTEGER, which has 64 bits.
 Key: Final = BigInteger().with_variant(Integer(), 'sqlite')

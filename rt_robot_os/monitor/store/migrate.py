@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bring the schema of a database to a version, from Python: there is no alembic.ini."""
+"""Migrate the schema of a database from Python: there is no alembic.ini."""
 
 from __future__ import annotations
 
@@ -50,23 +50,23 @@ def _config(connection: Connection | None = None) -> Config:
 
 @cache
 def versions() -> tuple[str, ...]:
-    """Return the versions that this release knows, the first one first."""
+    """Return the versions that this release knows, the oldest first."""
     script = ScriptDirectory.from_config(_config())
     return tuple(each.revision for each in reversed(list(script.walk_revisions())))
 
 
 def version(engine: Engine) -> str:
-    """Return the version of a database; empty when nothing is in it."""
+    """Return the version of a database; empty for an empty database."""
     with engine.connect() as connection:
         return MigrationContext.configure(connection).get_current_revision() or ''
 
 
 def upgrade(engine: Engine, to: str = HEAD) -> str:
     """
-    Bring a database up to a version, the newest if none is said; all of it or nothing.
+    Upgrade a database to a version, by default the newest; all of it or nothing.
 
     :return: its version.
-    :raises StartError: a newer release has made it, or there is no such version.
+    :raises StartError: a newer release created it, or there is no such version.
     """
     known = versions()
     with _exclusively(engine) as connection:
@@ -84,7 +84,7 @@ def upgrade(engine: Engine, to: str = HEAD) -> str:
 
 def downgrade(engine: Engine, to: str) -> str:
     """
-    Take a database down to a version; ``base`` empties it.
+    Downgrade a database to a version; ``base`` empties it.
 
     :raises StartError: there is no such version.
     """
@@ -99,7 +99,7 @@ def downgrade(engine: Engine, to: str) -> str:
 
 @contextmanager
 def _exclusively(engine: Engine) -> Iterator[Connection]:
-    """Give a connection in a transaction, for one process at a time."""
+    """Yield a connection in a transaction, for one process at a time."""
     if engine.dialect.name == POSTGRES:
         with engine.begin() as connection:
             connection.execute(text('SELECT pg_advisory_xact_lock(:key)'), {'key': _MIGRATORS})
@@ -107,6 +107,6 @@ def _exclusively(engine: Engine) -> Iterator[Connection]:
         return
     assert engine.dialect.name == SQLITE
     with writing(engine) as connection:
-        # Tables are copied to change them: references are checked when all is done.
+        # Tables are copied to change them, so foreign keys are checked at the end.
         connection.exec_driver_sql('PRAGMA defer_foreign_keys = ON')
         yield connection

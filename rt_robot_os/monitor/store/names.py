@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The numbers that robots, their starts, people and signs have in the database."""
+"""The ids of robots, their starts, people and signs in the database."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ from sqlalchemy import select
 from sqlalchemy import Table
 from sqlalchemy import update
 
-#: Of a table, at the start; the others are asked for when they are needed.
+#: Ids read from a table at the start; further ones are queried when they are needed.
 _LEARNT: Final = 100_000
 
 
 class NameTable:
     """
-    Numbers by names, made as needed; only who writes uses it, within a transaction.
+    Ids by names, created as needed; for the writer only, within a transaction.
 
-    What was made in a transaction that failed is not there: :meth:`forget` all then.
+    Ids created in a failed transaction do not exist: call :meth:`forget` then.
     """
 
     def __init__(self) -> None:
@@ -50,11 +50,11 @@ class NameTable:
         self._lives: set[tuple[int, int]] = set()
 
     def forget(self) -> None:
-        """Read all anew: somebody else may have changed them."""
+        """Discard the cache: another process may have changed the tables."""
         self.__init__()  # type: ignore[misc]
 
     def learn(self, connection: Connection) -> None:
-        """Read people and their signs at once, where nothing is known yet; one by one is slow."""
+        """Read people and signs that are not known in one query; single queries are slow."""
         if self._people:
             return
         for number, person in connection.execute(select(PEOPLE.c.id, PEOPLE.c.person).limit(
@@ -68,14 +68,14 @@ class NameTable:
             self._lives.add((robot, number))
 
     def robot(self, connection: Connection, robot: str, now_ns: int) -> int:
-        """Return the number of a robot."""
+        """Return the id of a robot."""
         if robot not in self._robots:
             self._robots[robot] = _number(connection, ROBOTS, {'robot': robot},
                                           {'first_ns': now_ns, 'last_ns': now_ns})
         return self._robots[robot]
 
     def boot(self, connection: Connection, robot: int, boot: str, now_ns: int) -> int:
-        """Return the number of a robot's start."""
+        """Return the id of a robot's start."""
         key = robot, boot
         if key not in self._boots:
             self._boots[key] = _number(connection, BOOTS, {'robot_id': robot, 'boot': boot},
@@ -84,9 +84,9 @@ class NameTable:
 
     def person(self, connection: Connection, robot: int, person: str, now_ns: int) -> int:
         """
-        Return the number of a person of whom this robot sends records.
+        Return the id of a person about whom this robot sends records.
 
-        That they live together is confirmed elsewhere; nothing is confirmed by a record.
+        A record does not confirm the person as a resident; an administrator does that.
         """
         if person not in self._people:
             self._people[person] = _number(connection, PEOPLE, {'person': person},
@@ -101,7 +101,7 @@ class NameTable:
         return number
 
     def series(self, connection: Connection, person: int, code: str) -> int:
-        """Return the number of a person's sign."""
+        """Return the id of a person's sign."""
         key = person, code
         if key not in self._series:
             self._series[key] = _number(
@@ -110,7 +110,7 @@ class NameTable:
 
 
 def seen(connection: Connection, who: Iterable[tuple[int, int]], now_ns: int) -> None:
-    """Note that something has come of these robots and their starts."""
+    """Update the time at which these robots and starts were last seen."""
     robots, boots = {robot for robot, _ in who}, {boot for _, boot in who}
     for table, numbers in ((ROBOTS, robots), (BOOTS, boots)):
         connection.execute(update(table).where(table.c.id.in_(sorted(numbers))),

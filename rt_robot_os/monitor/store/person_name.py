@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Find the name of a person in any text, however it is spelled, and put another in its place.
+Find the name of a person in any text, in any spelling, and replace it.
 
-Capitals do not count, nor whether an accent is a character of its own, nor what stands between
-two parts of a name; ``anna_bed`` and ``Annas`` name Anna, ``Hanna`` does not.
+Case, the Unicode form of accents and the separators between parts of a name are ignored.
+``anna_bed`` and ``Annas`` name Anna, ``Hanna`` does not.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from typing import Any
 from typing import Final
 import unicodedata
 
-#: Stands where a name was.
+#: Replacement for a name.
 ERASED: Final = '(erased)'
 
 
 def key_of(name: str) -> str:
-    """Return a name as it is compared."""
+    """Return a name in the form that is compared."""
     return ' '.join(unicodedata.normalize('NFKC', name).casefold().replace('_', ' ').split())
 
 
@@ -46,7 +46,7 @@ class PersonName:
         words = '|'.join(sorted((r'[\s_]+'.join(map(re.escape, each.replace('_', ' ').split()))
                                  for each in forms), key=len, reverse=True))
         self._word = re.compile(rf'(?<![^\W_])(?:{words})s?(?![^\W_])', re.IGNORECASE)
-        # JSON that was cut cannot be read: there each occurrence counts, also by escapes.
+        # Truncated JSON cannot be parsed: each occurrence counts there, also with escapes.
         self._anywhere = re.compile('|'.join(sorted(map(_escaped, forms), key=len, reverse=True)),
                                     re.IGNORECASE)
 
@@ -55,11 +55,11 @@ class PersonName:
         return key_of(name) == self.key
 
     def is_in(self, text: str) -> bool:
-        """Return whether a text names the person; of JSON also within it."""
+        """Return whether a text names the person; JSON is searched inside."""
         return self.without(text) != text
 
     def without(self, text: str) -> str:
-        """Return a text without the name; JSON stays JSON, and members of that name go."""
+        """Return a text without the name; JSON stays valid, members with that name are removed."""
         if text[:1] in ('{', '['):
             try:
                 found = json.loads(text)
@@ -83,7 +83,7 @@ class PersonName:
 
 
 def _escaped(name: str) -> str:
-    """Return an expression for a name of which any character may be an escape of JSON."""
+    """Return a pattern for a name in which any character may be a JSON escape."""
     found = []
     for each in name.replace('_', ' '):
         cases = {each, each.upper(), each.lower()}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Robots, people and their observations, as they are asked for."""
+"""Queries for robots, people and their observations."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ from sqlalchemy import func
 from sqlalchemy import or_
 from sqlalchemy import select
 
-#: Most rows that one answer holds.
+#: Most rows in one answer.
 ROWS_MOST = 10_000
 
 
 def robots(connection: Connection) -> list[dict[str, Any]]:
-    """Return all robots, with what their last hello said in ``details``."""
+    """Return all robots, with the content of their last hello in ``details``."""
     lives = _lives(connection)
     return [{'id': row.robot, 'name': row.name, 'first_ns': row.first_ns,
              'last_seen_ns': row.last_ns, 'people': lives.get(row.robot, []),
@@ -52,7 +52,7 @@ def robots(connection: Connection) -> list[dict[str, Any]]:
 
 
 def people(connection: Connection) -> list[dict[str, Any]]:
-    """Return all people, with the ids of their robots and the signs that there are of them."""
+    """Return all people, with the ids of their robots and their signs."""
     signs: dict[str, list[str]] = {}
     for person, code in connection.execute(select(PEOPLE.c.person, SERIES.c.code).join(
             SERIES, SERIES.c.person_id == PEOPLE.c.id).order_by(SERIES.c.id)):
@@ -78,7 +78,7 @@ def _lives(connection: Connection) -> dict[str, list[str]]:
 def observations(connection: Connection, person: str, sign: str | None, start_ns: int | None,
                  end_ns: int | None, limit: int, after: tuple[int, int] | None
                  ) -> list[dict[str, Any]]:
-    """Return observations in order of time; ``after`` is (t_ns, id) of the last one known."""
+    """Return observations in order of time; ``after`` is (t_ns, id) of the last known one."""
     statement = _observations().where(PEOPLE.c.person == person)
     if sign is not None:
         statement = statement.where(SERIES.c.code == sign)
@@ -96,7 +96,7 @@ def observations(connection: Connection, person: str, sign: str | None, start_ns
 
 
 def latest(connection: Connection, who: frozenset[str] | None) -> list[dict[str, Any]]:
-    """Return the newest observation of each sign of people; None: of all."""
+    """Return the newest observation of each sign of people; None for all people."""
     newest = select(OBSERVATIONS.c.id).where(
         OBSERVATIONS.c.series_id == SERIES.c.id).order_by(
             OBSERVATIONS.c.series_id.desc(), OBSERVATIONS.c.t_ns.desc()).limit(1).correlate(
@@ -127,7 +127,7 @@ def _observation(row: Mapping[Any, Any]) -> dict[str, Any]:
 
 def places(connection: Connection, person: str, start_ns: int, end_ns: int, limit: int
            ) -> list[dict[str, Any]]:
-    """Return where a person was, the newest last."""
+    """Return the places of a person, the newest last."""
     rows = connection.execute(select(PLACES, ROBOTS.c.robot).select_from(
         PLACES.join(PEOPLE).join(BOOTS).join(ROBOTS)).where(
             PEOPLE.c.person == person, PLACES.c.t_ns >= start_ns, PLACES.c.t_ns < end_ns
@@ -139,7 +139,7 @@ def places(connection: Connection, person: str, start_ns: int, end_ns: int, limi
 
 def events(connection: Connection, robot: str, start_ns: int, end_ns: int, limit: int
            ) -> list[dict[str, Any]]:
-    """Return what a robot's agent and operators did, the newest last."""
+    """Return actions of a robot's agent and operators, the newest last."""
     rows = connection.execute(select(EVENTS, ROBOTS.c.robot).join(ROBOTS).where(
         ROBOTS.c.robot == robot, EVENTS.c.t_ns >= start_ns, EVENTS.c.t_ns < end_ns).order_by(
             EVENTS.c.t_ns.desc(), EVENTS.c.id.desc()).limit(
@@ -149,7 +149,7 @@ def events(connection: Connection, robot: str, start_ns: int, end_ns: int, limit
 
 
 def nodes(connection: Connection, robot: str) -> list[dict[str, Any]]:
-    """Return the last that was said of each node of a robot's network."""
+    """Return the last record about each node of a robot's network."""
     last = select(NODES.c.robot_id, NODES.c.node, func.max(NODES.c.t_ns).label('t_ns')).join(
         ROBOTS).where(ROBOTS.c.robot == robot).group_by(
             NODES.c.robot_id, NODES.c.node).subquery()
@@ -163,7 +163,7 @@ def nodes(connection: Connection, robot: str) -> list[dict[str, Any]]:
 
 
 def unknown(connection: Connection, limit: int) -> list[dict[str, Any]]:
-    """Return records that were kept aside, the newest first."""
+    """Return records stored aside, the newest first."""
     return [dict(row) for row in connection.execute(select(
         ROBOTS.c.robot, BOOTS.c.boot, UNKNOWN.c.seq, UNKNOWN.c.arrived_ns, UNKNOWN.c.type,
         UNKNOWN.c.why, UNKNOWN.c.content).select_from(UNKNOWN.join(BOOTS).join(ROBOTS)).order_by(
@@ -171,7 +171,7 @@ def unknown(connection: Connection, limit: int) -> list[dict[str, Any]]:
 
 
 def limits(connection: Connection, person: str, sign: str) -> list[Any]:
-    """Return the limits of a person's sign, as their robots said when they connected last."""
+    """Return the limits of a person's sign that their robots sent when they last connected."""
     found: list[Any] = []
     for details in connection.execute(select(ROBOTS.c.details).select_from(
             ROBOT_PEOPLE.join(ROBOTS).join(PEOPLE)).where(

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Which numbers of a robot's start have been taken: a bit each, in blocks.
+The received record numbers of a robot's start: one bit each, in blocks.
 
-A record is known for ever: retention thins rows and erasure deletes them, and neither lets one
-that comes again count anew. A full block is a row without bits, and those from the beginning on
-that are full are only a number, so that what is complete takes no room.
+A received number stays known for ever: after retention or erasure deleted the row, the same record
+is still recognised as a duplicate. A full block is a row without bits. The full blocks at the
+beginning are only counted, so that a complete sequence takes no space.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _T = TypeVar('_T')
 
 
 class ReceivedNumbers:
-    """What one transaction sees and takes; :meth:`save` writes it."""
+    """The numbers that one transaction reads and adds; :meth:`save` writes them."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -58,7 +58,7 @@ class ReceivedNumbers:
         self._changed: set[tuple[int, int]] = set()
 
     def load(self, numbers: Mapping[int, Iterable[int]]) -> None:
-        """Read the blocks of these numbers, by start, at once."""
+        """Read the blocks of these numbers, by start, in few queries."""
         fresh = [boot for boot in numbers if boot not in self._complete]
         for part in _parts(fresh):
             for boot, blocks in self._connection.execute(
@@ -76,19 +76,19 @@ class ReceivedNumbers:
                 self._blocks.setdefault(key, bytearray(_BYTES))
 
     def is_new(self, boot: int, seq: int) -> bool:
-        """Return whether a number was not taken yet; its block has been loaded."""
+        """Return whether a number was not received before; its block must be loaded."""
         block = seq // BLOCK
         return block >= self._complete[boot] and not (
             self._blocks[boot, block][seq % BLOCK // 8] & 1 << seq % 8)
 
     def take(self, boot: int, seq: int) -> None:
-        """Note a new number."""
+        """Add a new number."""
         block = seq // BLOCK
         self._blocks[boot, block][seq % BLOCK // 8] |= 1 << seq % 8
         self._changed.add((boot, block))
 
     def save(self) -> None:
-        """Write what has changed."""
+        """Write the changed blocks."""
         for boot in sorted({boot for boot, _ in self._changed}):
             self._shorten(boot)
         rows = {key: b'' if self._blocks[key] == _FULL else bytes(self._blocks[key])
@@ -105,7 +105,7 @@ class ReceivedNumbers:
                 RECEIVED.c.block == bindparam('a_block')), known)
 
     def _shorten(self, boot: int) -> None:
-        """Make a number of the full blocks at the beginning."""
+        """Replace full blocks at the beginning by their count."""
         first = last = self._complete[boot]
         if (boot, first) not in self._changed or self._blocks[boot, first] != _FULL:
             return

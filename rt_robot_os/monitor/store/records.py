@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a robot sends, checked: each record becomes a row of a table, or is kept aside with a reason.
+Validation of a robot's records: each becomes a row of a table, or is stored aside with a reason.
 
-A record of a newer robot, with a number that is none or a text that no database holds, is its own
-trouble: it is kept as it came, cut, and the records beside it are stored.
+A record of a newer release, with an invalid number or a string that no database accepts, does not
+affect others: it is stored aside, truncated, and the other records of the batch are stored.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from rt_robot_os.messages.quantities import NAME
 from rt_robot_os.monitor.store.robot_clock import RobotClock
 from rt_robot_os.monitor.store.tables import NAME as NAME_LONGEST
 
-#: The number of a quality in the database is its place here.
+#: The number of a quality in the database is its index here.
 QUALITIES: Final = ('good', 'suspect', 'stale', 'off', 'missing')
-#: Those of a value that was measured when the record says, so that it counts in roll-ups.
+#: Qualities of values that were measured at the time of the record; only these count in roll-ups.
 MEASURED: Final = frozenset({0, 1})
 MISSING: Final = QUALITIES.index('missing')
 CONTENT_BYTES: Final = 32768
@@ -50,18 +50,18 @@ _NO_VALUE: Final = frozenset({QUALITIES.index('off'), MISSING})
 
 
 class Refused(ValueError):
-    """A record makes no sense; the message says why."""
+    """A record is invalid; the message gives the reason."""
 
 
 class Sent(NamedTuple):
     """
-    A record that makes sense.
+    A valid record.
 
     :ivar table: the name of the table it goes to.
-    :ivar row: its columns but those of the key and of other tables' numbers.
-    :ivar person: whom it is about, or ''.
+    :ivar row: its columns without the key and the ids of other tables.
+    :ivar person: the person it is about, or ''.
     :ivar code: the sign of an observation, or ''.
-    :ivar clock_error_ns: how far the robot's clock was ahead where its time was corrected; else 0.
+    :ivar clock_error_ns: how far the robot's clock was ahead if the time was corrected; else 0.
     """
 
     seq: int
@@ -74,7 +74,7 @@ class Sent(NamedTuple):
 
 @dataclass(frozen=True)
 class Aside:
-    """A record that does not; ``seq`` is None where not even that can be read."""
+    """An invalid record; ``seq`` is None when it cannot be read."""
 
     seq: int | None
     type: str  # noqa: A003
@@ -87,19 +87,19 @@ def read(record: object, now_ns: int, clock: RobotClock = RobotClock()) -> Sent 
     Check a record; never raises.
 
     :param now_ns: UTC of the server.
-    :param clock: of the robot.
+    :param clock: the robot's clock.
     """
     seq = None
     try:
         if not isinstance(record, Mapping):
-            raise Refused(f'a {type(record).__name__} is no record')
+            raise Refused(f'a {type(record).__name__} is not a record')
         seq = _integer(record, 'seq', 0, SEQ_MOST)
         reader = _READERS.get(record.get('type', ''))
         if reader is None:
             raise Refused('of a type that this release does not know')
         content = record.get('content')
         if not isinstance(content, Mapping):
-            raise Refused('content is no object')
+            raise Refused('content is not an object')
         t_ns = _integer(record, 'utc_ns', -_INT_MOST, _INT_MOST)
         at_ns = clock.corrected(t_ns, now_ns)
         return _marked(reader(seq, at_ns, content), t_ns - at_ns)
@@ -108,7 +108,7 @@ def read(record: object, now_ns: int, clock: RobotClock = RobotClock()) -> Sent 
 
 
 def _marked(sent: Sent, clock_error_ns: int) -> Sent:
-    """Return a record that carries how far the robot's clock was off; good values are suspect."""
+    """Return a record with the error of the robot's clock; good values become suspect."""
     if not clock_error_ns:
         return sent
     if sent.row.get('quality') == QUALITIES.index('good'):
@@ -134,7 +134,7 @@ def _event(kind: str) -> Callable[[int, int, Mapping[str, Any]], Sent]:
 def _observation(seq: int, t_ns: int, content: Mapping[str, Any]) -> Sent:
     sign = content.get('sign')
     if not isinstance(sign, str) or not NAME.fullmatch(sign):
-        raise Refused('sign is no name such as pulse_per_min')
+        raise Refused('sign is not a name such as pulse_per_min')
     return _value(seq, t_ns, content, sign, content.get('value'))
 
 
@@ -153,7 +153,7 @@ def _value(seq: int, t_ns: int, content: Mapping[str, Any], sign: str, value: ob
     if number in _NO_VALUE:
         value = None
     elif value is None and quality != 'stale':
-        raise Refused(f'quality is {quality}, and there is no value')
+        raise Refused(f'quality is {quality}, but there is no value')
     return Sent(seq, 'observations', {
         't_ns': t_ns, 'value': None if value is None else _float(value, 'value'),
         'quality': number, 'source': _name(content, 'source', '')},
@@ -199,15 +199,15 @@ def _integer(found: Mapping[str, Any], name: str, low: int, high: int,
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     if not isinstance(value, int) or isinstance(value, bool):
-        raise Refused(f'{name} is no whole number')
+        raise Refused(f'{name} is not an integer')
     if not low <= value <= high:
-        raise Refused(f'{name} is not within {low} and {high}')
+        raise Refused(f'{name} is not between {low} and {high}')
     return value
 
 
 def _float(value: object, name: str) -> float:
     if not isinstance(value, (int, float)) or isinstance(value, bool):
-        raise Refused(f'{name} is no number')
+        raise Refused(f'{name} is not a number')
     try:
         number = float(value)
     except OverflowError:
@@ -227,38 +227,38 @@ def _name(found: Mapping[str, Any], name: str, default: str | None = None) -> st
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) <= _INT_MOST:
         value = str(value)
     if not isinstance(value, str) or (not value and default is None):
-        raise Refused(f'{name} is no text')
+        raise Refused(f'{name} is not a string')
     if len(value) > NAME_LONGEST:
-        raise Refused(f'{name} has {len(value)} characters; {NAME_LONGEST} are the most')
-    # No controls, no halves of surrogate pairs, no changes of direction: names are shown.
+        raise Refused(f'{name} has {len(value)} characters; at most {NAME_LONGEST}')
+    # Names are displayed: no control characters, lone surrogates or changes of direction.
     if not value.isprintable():
-        raise Refused(f'{name} has characters that cannot be shown')
+        raise Refused(f'{name} has unprintable characters')
     return value
 
 
 def _text(found: Mapping[str, Any], name: str) -> str:
     value = found.get(name, '')
     if not isinstance(value, str) or len(value) > TEXT_LONGEST:
-        raise Refused(f'{name} is no text of at most {TEXT_LONGEST} characters')
+        raise Refused(f'{name} is not a string of at most {TEXT_LONGEST} characters')
     if '\0' in value or not encodable(value):
-        raise Refused(f'{name} has NUL or half of a surrogate pair')
+        raise Refused(f'{name} has NUL or a lone surrogate')
     return value
 
 
 def _json(content: Mapping[str, Any]) -> str:
-    """Write a content, without what no database and no page can hold."""
+    """Serialise a content, without characters that a database or a page cannot store."""
     try:
         text = json.dumps(_clean(content), allow_nan=False, ensure_ascii=False,
                           separators=(',', ':'))
     except ValueError as error:
         raise Refused('a number in it is not finite') from error
     if len(text) > CONTENT_BYTES:
-        raise Refused(f'content of {len(text)} characters; {CONTENT_BYTES} are the most')
+        raise Refused(f'content of {len(text)} characters; at most {CONTENT_BYTES}')
     return text
 
 
 def _clean(found: Any) -> Any:
-    """Return it with controls and halves of surrogate pairs written as escapes."""
+    """Return it with control characters and lone surrogates as escapes."""
     if isinstance(found, str):
         return safe_text(found)
     if isinstance(found, Mapping):

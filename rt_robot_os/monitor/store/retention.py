@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Retention: rows are kept for days, minutes for a year, hours and days for ever.
+Retention: raw rows are kept for days, minutes for a year, hours and days for ever.
 
-Alarms, their events and notes, and what the agent did stay. Nothing is deleted that was not rolled
-up, and what arrives later than its class is kept is rolled up first as well.
+Alarms, their events and notes, and actions of the agent are never deleted. Rows are rolled up
+before they are deleted, also those that arrive after their retention time.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from sqlalchemy import func
 from sqlalchemy import select
 from sqlalchemy import Table
 
-#: Rows that one transaction deletes at most: who writes waits no longer than for these.
+#: Most rows that one transaction deletes: it limits how long a writer waits.
 STEP_ROWS: Final = 2000
 _DAY_NS: Final = 86400 * NS_PER_S
 _MINUTE_NS: Final = 60 * NS_PER_S
@@ -57,12 +57,12 @@ _MINUTE_NS: Final = 60 * NS_PER_S
 @dataclass(frozen=True)
 class RetentionPolicy:
     """
-    For how many days each class is kept; 0: for ever.
+    How many days each class is kept; 0 means for ever.
 
-    :ivar raw_days: observations and places of people, as they came.
-    :ivar minutes_days: their roll-ups of a minute; those of hours and days stay.
-    :ivar network_days: batteries and losses of nodes.
-    :ivar unknown_days: records kept aside.
+    :ivar raw_days: observations and places of people, unmodified.
+    :ivar minutes_days: their roll-ups by minute; those by hour and day are kept for ever.
+    :ivar network_days: batteries and packet losses of nodes.
+    :ivar unknown_days: records stored aside.
     """
 
     raw_days: float = 30.0
@@ -73,11 +73,11 @@ class RetentionPolicy:
 
 def thin(engine: Engine, kept: RetentionPolicy, now_ns: int) -> dict[str, int]:
     """
-    Delete what is older than it is kept, in small transactions.
+    Delete expired rows, in small transactions.
 
     :param now_ns: UTC.
     :return: rows deleted, by table.
-    :raises StoreError: the database is away or full; what was not deleted is the next time.
+    :raises StoreError: the database is unavailable or full; the next call continues.
     """
     raw_ns, minutes_ns = _before(now_ns, kept.raw_days), _before(now_ns, kept.minutes_days)
     left = 1
@@ -85,7 +85,7 @@ def thin(engine: Engine, kept: RetentionPolicy, now_ns: int) -> dict[str, int]:
         with writing(engine) as connection:
             left = roll_up(connection)
     with writing(engine) as connection:
-        # First of all, so that no chart is made of what is half gone.
+        # First, so that no chart uses a level that is partly deleted.
         _move(connection, RAW, raw_ns)
         _move(connection, MINUTES.name, minutes_ns)
         done = progress(connection, DONE)
@@ -103,7 +103,7 @@ def thin(engine: Engine, kept: RetentionPolicy, now_ns: int) -> dict[str, int]:
 
 
 def _before(now_ns: int, days: float) -> int:
-    """Return from when on something is kept: a whole hour, so that no roll-up is cut."""
+    """Return the time before which rows expire: a full hour, so that no roll-up is split."""
     hour_ns = 60 * _MINUTE_NS
     return max(0, int(now_ns - days * _DAY_NS)) // hour_ns * hour_ns if days > 0 else 0
 
@@ -115,9 +115,9 @@ def _move(connection: Connection, level: str, to_ns: int) -> None:
 
 def drop(engine: Engine, table: Table, *which: ColumnElement[bool]) -> int:
     """
-    Delete rows step by step; they are looked for while others may write.
+    Delete rows step by step; the search for them does not block writers.
 
-    :return: how many they were.
+    :return: the number of deleted rows.
     """
     gone = 0
     while True:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-When a record happened, where the robot's clock may be wrong.
+The time of a record when the robot's clock may be wrong.
 
-A record is never thrown away for its time: it is stored at the best time that is known, and how
-far the robot's clock was off is stored with it.
+A record is never discarded because of its time: it is stored with the best known time and with the
+error of the robot's clock.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import Final
 
 from rt_robot_os.base.units import NS_PER_S
 
-#: A clock that says more or less than this is wrong: a robot that was away for a year is not.
+#: Times outside of this range are wrong; a record may be a year old after a long disconnection.
 PAST_NS: Final = 400 * 86400 * NS_PER_S
 FUTURE_NS: Final = 86400 * NS_PER_S
 
@@ -34,10 +34,10 @@ FUTURE_NS: Final = 86400 * NS_PER_S
 @dataclass(frozen=True)
 class RobotClock:
     """
-    A robot's clock, as the server knows it when records arrive.
+    A robot's clock as known to the server when records arrive.
 
-    :ivar offset_ns: how far it is ahead of the server's, measured when the robot connected.
-    :ivar is_same_start: the records are of the start of the robot at which it was measured.
+    :ivar offset_ns: how far it is ahead of the server's clock, measured when the robot connected.
+    :ivar is_same_start: the records are of the same start of the robot as the measurement.
     """
 
     offset_ns: int = 0
@@ -45,13 +45,13 @@ class RobotClock:
 
     def corrected(self, t_ns: int, now_ns: int) -> int:
         """
-        Return when a record happened, UTC in ns.
+        Return the time of a record, UTC in ns.
 
-        All records of a start with a wrong clock are moved alike, so that they stay in order.
-        Of an earlier start only those are moved whose time cannot be. Where the offset does not
-        explain the time either, it is that of arrival.
+        All records of a start with a wrong clock are shifted by the same offset, so that they stay
+        in order. Of an earlier start only records with an impossible time are shifted. If the
+        shifted time is impossible too, the time of arrival is used.
 
-        :param t_ns: what the robot's clock said.
+        :param t_ns: time by the robot's clock.
         :param now_ns: UTC of the server.
         """
         is_wrong = self.is_same_start and abs(self.offset_ns) > FUTURE_NS

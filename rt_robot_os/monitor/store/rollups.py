@@ -15,9 +15,9 @@
 """
 Roll-ups: lowest, highest, sum and number of the values of each minute, hour and day.
 
-Rows are rolled up in the order in which they came, whatever time they are of, and ``progress``
-says how far. So rows that are late by hours count as all others do, and what comes twice never
-became a row. A roll-up is added to, never made anew: it outlives the rows that it was made of.
+Rows are rolled up in order of arrival, independent of their time, and ``progress`` stores how far.
+So rows that arrive hours late count like all others, and duplicates never become rows. A roll-up
+is only added to, never recomputed: it outlives its raw rows.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from sqlalchemy import Table
 from sqlalchemy import text
 from sqlalchemy import update
 
-#: The tables, the finest first, and what each row spans, in ns; UTC.
+#: The tables, the finest first, and the span of each row in ns.
 LEVELS: Final[tuple[tuple[Table, int], ...]] = (
     (MINUTES, 60 * NS_PER_S), (HOURS, 3600 * NS_PER_S), (DAYS, 86400 * NS_PER_S))
-#: Rows that one step rolls up at most.
+#: Most rows that one step rolls up.
 STEP_ROWS: Final = 20_000
 DONE: Final = 'rolled_up'
-#: What counts, as SQL: measured when the row says.
+#: SQL condition for rows that count: measured at the time of the row.
 COUNTS: Final = (f'value IS NOT NULL AND quality IN '
                  f'({", ".join(str(each) for each in sorted(MEASURED))})')
 
@@ -65,13 +65,13 @@ _ROLL_UP: Final = {table.name: text(f"""
 
 
 def progress(connection: Connection, name: str) -> int:
-    """Return a number of the store itself; 0 until it was set."""
+    """Return a counter of the store itself; 0 until it was set."""
     return connection.execute(select(PROGRESS.c.value).where(
         PROGRESS.c.name == name)).scalar() or 0
 
 
 def set_progress(connection: Connection, name: str, value: int) -> None:
-    """Keep one."""
+    """Store a counter."""
     changed = connection.execute(update(PROGRESS).where(PROGRESS.c.name == name),
                                  {'value': value})
     if not changed.rowcount:
@@ -79,16 +79,16 @@ def set_progress(connection: Connection, name: str, value: int) -> None:
 
 
 def waiting(connection: Connection) -> int:
-    """Return how many rows were not rolled up yet, at most: numbers may have gaps."""
+    """Return the most rows that are not rolled up yet; ids may have gaps."""
     last = connection.execute(select(func.max(OBSERVATIONS.c.id))).scalar() or 0
     return int(max(0, last - progress(connection, DONE)))
 
 
 def roll_up(connection: Connection) -> int:
     """
-    Roll up what came since, at most :data:`STEP_ROWS`; within a transaction that writes.
+    Roll up newer rows, at most :data:`STEP_ROWS`, within a transaction that writes.
 
-    :return: how many rows may be left.
+    :return: the most rows that are left.
     """
     first = progress(connection, DONE)
     newest = connection.execute(select(func.max(OBSERVATIONS.c.id))).scalar() or 0

@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-One server on a database: a second one is refused when it starts.
+Ensures that one server uses a database: a second one is refused when it starts.
 
-Two would show each its own robots, and commands and alarms of the others would reach nobody.
+Each of two servers would show only its own robots, and commands and alarms for the other's robots
+would be lost.
 """
 
 from __future__ import annotations
@@ -37,12 +38,12 @@ from sqlalchemy import NullPool
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
-#: A server that has just ended may still be known to PostgreSQL for a moment.
+#: PostgreSQL may still hold the connection of a server that has just ended.
 WAIT_S: Final = 5.0
 _PAUSE_S: Final = 0.2
 _KEY: Final = 0x72745F6F75
 _NAME: Final = 'monitor server'
-# A server whose machine lost power is known for this long and no longer.
+# They limit how long PostgreSQL keeps the lock of a server whose machine lost power.
 _SESSION: Final = ('SET tcp_keepalives_idle = 10', 'SET tcp_keepalives_interval = 5',
                    'SET tcp_keepalives_count = 3')
 _HOLDER: Final = text(
@@ -53,9 +54,9 @@ _HOLDER: Final = text(
 
 class SoleServer:
     """
-    The right to serve a database; the system frees it when the process ends, however that ends.
+    The lock on serving a database; the system releases it however the process ends.
 
-    SQLite: a lock on a file beside the database. PostgreSQL: an advisory lock, on a connection of
+    SQLite: a lock on a file next to the database. PostgreSQL: an advisory lock, on a connection of
     its own.
     """
 
@@ -71,23 +72,23 @@ class SoleServer:
 
     def acquire(self, wait_s: float | None = None) -> None:
         """
-        Take it.
+        Acquire it.
 
-        :param wait_s: for a server that is about to end; :data:`WAIT_S` when absent.
-        :raises StartError: another server has it; the message says which.
+        :param wait_s: how long to wait for a server that is ending; :data:`WAIT_S` when absent.
+        :raises StartError: another server holds it; the message names that server.
         """
         deadline_s = time.monotonic() + (WAIT_S if wait_s is None else wait_s)
         while (other := self._try()) is not None:
             if time.monotonic() >= deadline_s:
-                raise StartError(f'database: another server uses it{other}; end that one first. '
-                                 'After a loss of power of its machine wait for half a minute')
+                raise StartError(f'database: another server uses it{other}; stop that one first. '
+                                 'After a power failure of its machine wait for half a minute')
             time.sleep(_PAUSE_S)
 
     def check(self) -> str:
         """
-        Take it again where the connection to PostgreSQL was lost.
+        Acquire it again when the connection to PostgreSQL was lost.
 
-        :return: what is wrong; empty when it is ours, or the database is away.
+        :return: the problem; empty when this process holds it, or the database is unavailable.
         """
         if not self._is_postgres:
             return ''
@@ -100,18 +101,18 @@ class SoleServer:
         try:
             other = self._try()
         except DBAPIError:
-            return ''  # the writer says so
-        return '' if other is None else f'another server has taken the database{other}: end one'
+            return ''  # the writer reports it
+        return '' if other is None else f'another server has taken the database{other}: stop one'
 
     def release(self) -> None:
-        """Give it back; may be called twice."""
+        """Release it; may be called twice."""
         if self._is_postgres:
             self._drop()
         else:
             self._lock.release()
 
     def _try(self) -> str | None:
-        """Take it if it is free: return None, or else what is known of who has it."""
+        """Acquire it if it is free: return None, or else a description of the holder."""
         return self._try_postgres() if self._is_postgres else self._try_file()
 
     def _try_file(self) -> str | None:
@@ -147,4 +148,4 @@ class SoleServer:
             try:
                 connection.close()
             except DBAPIError:
-                pass  # It was lost.
+                pass  # The connection was lost.

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The database of the monitor, as the server uses it.
+The database of the monitor, as used by the server.
 
 Every method may be called from any thread, and blocks: from asyncio call it in a thread, and write
 records through :class:`~rt_robot_os.monitor.store.writer.RecordWriter`. ``people`` limits the
-result to residents that the account may see; None is all of them.
+result to residents that the account may see; None means all.
 """
 
 from __future__ import annotations
@@ -67,13 +67,13 @@ from sqlalchemy import URL
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import IntegrityError
 
-#: The newest rows are rolled up when they are so many, or so old: charts read each of them.
+#: The newest rows are rolled up at this number or age, since charts read each of them.
 _ROLL_UP_ROWS: Final = 10_000
 _ROLL_UP_S: Final = 10.0
 
 
 class Hello(NamedTuple):
-    """What a robot said of itself when it connected."""
+    """The data a robot sent about itself when it connected."""
 
     robot: str
     boot: str
@@ -91,9 +91,9 @@ class Store:
     """
     An open database; made by :meth:`open`.
 
-    :ivar engine: for other parts of the server with tables of their own: use :meth:`reading` and
-        :meth:`writing`.
-    :ivar counts: what was added since the start, by what became of it.
+    :ivar engine: the SQLAlchemy engine; parts of the server with their own tables use
+        :meth:`reading` and :meth:`writing`.
+    :ivar counts: records since the start, by result.
     """
 
     def __init__(self, engine: Engine, now_ns: Callable[[], int] = time.time_ns) -> None:
@@ -109,11 +109,11 @@ class Store:
     @classmethod
     def open(cls, url: str, now_ns: Callable[[], int] = time.time_ns) -> Store:  # noqa: A003
         """
-        Open a database and bring it to the version of this release.
+        Open a database and upgrade it to the version of this release.
 
         :param url: ``sqlite:////path``, a path, or ``postgresql://user@host/name``.
         :param now_ns: UTC.
-        :raises StartError: it cannot be opened; the message says what helps.
+        :raises StartError: it cannot be opened; the message gives a remedy.
         """
         target = read_url(url)
         engine = open_engine(target)
@@ -142,24 +142,24 @@ class Store:
 
     def serve_alone(self) -> None:
         """
-        Let no other server use this database until it is closed.
+        Lock this database against other servers until it is closed.
 
-        :raises StartError: another one does.
+        :raises StartError: another server uses it.
         """
         sole = SoleServer(self.engine)
         sole.acquire()
         self._sole = sole
 
     def other_server(self) -> str:
-        """Return what is wrong where another server took the database meanwhile, or empty."""
+        """Return an error if another server took the database meanwhile, or empty."""
         return '' if self._sole is None else self._sole.check()
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
         """
-        Give a connection that sees one state of the database.
+        Yield a connection that sees one state of the database.
 
-        :raises StoreError: the database is away.
+        :raises StoreError: the database is unavailable.
         """
         with reading(self.engine) as connection:
             yield connection
@@ -167,9 +167,9 @@ class Store:
     @contextmanager
     def writing(self) -> Iterator[Connection]:
         """
-        Give a connection that writes, one at a time; committed at the end.
+        Yield a connection that writes, one at a time; commit at the end.
 
-        :raises StoreError: the database is away or full; nothing is done.
+        :raises StoreError: the database is unavailable or full; nothing is written.
         """
         with writing(self.engine) as connection:
             yield connection
@@ -180,21 +180,21 @@ class Store:
         """
         Add records of a start of a robot: ``seq``, ``type``, ``utc_ns``, ``content``.
 
-        :return: how many were new; they are on the disk.
-        :raises StoreError: the database is away or full; none of them is added.
+        :return: the number of new records; they are on the disk.
+        :raises StoreError: the database is unavailable or full; none of them is added.
         """
         return self.add_all([ReceivedBatch(robot, boot, records)])[0].fresh
 
     def add_all(self, batches: Sequence[ReceivedBatch]) -> list[Added]:
         """
-        Add batches in one transaction; as :meth:`add` does.
+        Add batches in one transaction, like :meth:`add`.
 
-        :return: what became of each.
+        :return: the result for each batch.
         """
         try:
             added = self._add(batches)
         except IntegrityError:
-            # Another process has deleted somebody whose number we remembered.
+            # Another process has deleted a row whose id is cached here.
             self._names.forget()
             added = self._add(batches)
         for each in added:
@@ -206,11 +206,11 @@ class Store:
             try:
                 self.roll_up()
             except StoreError:
-                pass  # What was added is there, and is rolled up the next time.
+                pass  # The records are stored, and are rolled up the next time.
         return added
 
     def roll_up(self) -> int:
-        """Roll up a part of what came since; return how many rows may be left."""
+        """Roll up a part of the newer rows; return the most rows that are left."""
         with self.writing() as connection:
             left = roll_up(connection)
         self._not_rolled, self._rolled_s = left, time.monotonic()
@@ -229,14 +229,14 @@ class Store:
 
     def hello(self, robot: str, boot: str, *, name: str = '',
               details: Mapping[str, Any] | None = None) -> None:
-        """Note what a robot said of itself when it connected."""
+        """Store the hello of a robot."""
         self.hello_all([Hello(robot, boot, name, details or {})])
 
     def hello_all(self, hellos: Sequence[Hello]) -> None:
         """
-        Note what robots said, in one transaction.
+        Store hellos of robots, in one transaction.
 
-        :raises StoreError: the database is away or full; none of it is noted.
+        :raises StoreError: the database is unavailable or full; none is stored.
         """
         try:
             with self.writing() as connection:
@@ -256,10 +256,10 @@ class Store:
 
     def file_confirmed(self) -> int:
         """
-        File the records set aside whose person has been confirmed as a resident since.
+        File the records stored aside whose person has been confirmed as a resident since.
 
         :return: how many.
-        :raises StoreError: the database is away or full; the rest stays aside.
+        :raises StoreError: the database is unavailable or full; the rest stays aside.
         """
         count, after = 0, 0
         while True:
@@ -305,24 +305,24 @@ class Store:
 
     def places(self, person: str, start_ns: int, end_ns: int, limit: int = 1000
                ) -> list[dict[str, Any]]:
-        """Return where a person was: robot, x, y, room, t_ns."""
+        """Return the places of a person: robot, x, y, room, t_ns."""
         with self.reading() as connection:
             return queries.places(connection, person, start_ns, end_ns, limit)
 
     def events(self, robot: str, start_ns: int, end_ns: int, limit: int = 1000
                ) -> list[dict[str, Any]]:
-        """Return what a robot's agent and operators did: type, t_ns, content."""
+        """Return actions of a robot's agent and operators: type, t_ns, content."""
         with self.reading() as connection:
             return queries.events(connection, robot, start_ns, end_ns, limit)
 
     def nodes(self, robot: str) -> list[dict[str, Any]]:
-        """Return the last that was said of each node: node, t_ns, content."""
+        """Return the last record about each node: node, t_ns, content."""
         with self.reading() as connection:
             return queries.nodes(connection, robot)
 
     def chart(self, person: str, sign: str, start_ns: int, end_ns: int, pixels: int) -> SignChart:
         """
-        Return lowest, mean and highest value of each of at most so many spans, with alarms.
+        Return lowest, mean and highest value of each of a limited number of spans, with alarms.
 
         :param start_ns: UTC; ``end_ns`` is exclusive.
         """
@@ -333,18 +333,19 @@ class Store:
             return made
 
     def keep(self, kept: RetentionPolicy) -> None:
-        """Thin from now on, each hour, until it is closed."""
+        """Delete expired rows each hour until the store is closed."""
         self.housekeeping = Housekeeping(lambda: self.thin(kept))
 
     def thin(self, kept: RetentionPolicy) -> dict[str, int]:
-        """Delete what is older than it is kept; return rows deleted, by table."""
+        """Delete expired rows; return the number of deleted rows, by table."""
         return thin(self.engine, kept, self.now_ns())
 
     def erase(self, person: str, with_account: bool = False) -> Erased:
         """
-        Delete a person: what was measured, alarms about them, their name in everything else.
+        Delete a person: their measurements, alarms about them, and their name everywhere else.
 
-        What robots send of them later is set aside: take them out of the robots' settings first.
+        Later records about them are stored aside: remove the person from the robots' settings
+        first.
         """
         try:
             return erase(self.engine, person, with_account)
@@ -353,15 +354,15 @@ class Store:
 
     def forget_names(self) -> None:
         """
-        Read the names of people again when they are needed: some were erased.
+        Discard cached names of people, because some were erased.
 
-        :raises StoreError: the database is away.
+        :raises StoreError: the database is unavailable.
         """
         with self.writing():  # not while records are being added
             self._names.forget()
 
     def unknown(self, limit: int = 1000) -> list[dict[str, Any]]:
-        """Return records that were kept aside, the newest first: robot, type, why, content."""
+        """Return records stored aside, the newest first: robot, type, why, content."""
         with self.reading() as connection:
             return queries.unknown(connection, limit)
 
@@ -370,7 +371,7 @@ class Store:
     def alarms(self, *, people: frozenset[str] | None, robot: str | None = None,
                is_open: bool | None = None, since_ns: int = 0, limit: int = 200
                ) -> list[dict[str, Any]]:
-        """Return alarms that may be seen, those that changed last first."""
+        """Return alarms that may be seen, the most recently changed first."""
         with self.reading() as connection:
             return alarm_queries.alarms(connection, people, robot, is_open, since_ns, limit)
 
@@ -386,7 +387,7 @@ class Store:
 
     def withdraw_note(self, note: int, robot: str, alarm: str, by: str, within_s: float
                       ) -> str | None:
-        """Delete a note that its author wrote a moment ago; return its text, None for none."""
+        """Delete a note that its author wrote recently; return its text, None if missing."""
         with self.writing() as connection:
             return alarm_queries.withdraw_note(connection, note, robot, alarm, by,
                                                self.now_ns() - int(within_s * 1e9))
@@ -399,7 +400,7 @@ class Store:
             return alarm_queries.media(connection, id)
 
     def media_of(self, robot: str, alarm: str) -> list[dict[str, Any]]:
-        """Return those of an alarm, the oldest first."""
+        """Return the media of an alarm, the oldest first."""
         with self.reading() as connection:
             return alarm_queries.media_of(connection, robot, alarm)
 
@@ -410,6 +411,6 @@ class Store:
             return alarm_queries.media_list(connection, robot, alarm, limit)
 
     def media_by_name(self, robot: str, media: str) -> dict[str, Any] | None:
-        """Return one by the id that its robot gave it."""
+        """Return a picture, clip or sound by the id that its robot gave it."""
         with self.reading() as connection:
             return alarm_queries.media_by_name(connection, robot, media)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""When a sign had no good value: stretches of time, for who draws it."""
+"""Time ranges in which a sign had no good value, for charts."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from sqlalchemy import Connection
 from sqlalchemy import select
 from sqlalchemy import text
 
-#: Of a longer time they are not asked: each is less than a pixel then, and rows are thinned.
+#: Longest range that is queried: in a longer one each is narrower than a pixel, and rows expire.
 LONGEST_NS: Final = 2 * 86400 * NS_PER_S
 MOST: Final = 1000
 _GOOD: Final = QUALITIES.index('good')
 
-# The index of the table has all columns of it; the row before the start says how it began.
+# The index covers the query; the row before the start gives the quality at the start.
 _CHANGES: Final = text("""
     SELECT t_ns, quality FROM (
         SELECT t_ns, quality, lag(quality) OVER (ORDER BY t_ns) AS before FROM observations
@@ -46,10 +46,11 @@ _CHANGES: Final = text("""
 def stretches(connection: Connection, person: str, sign: str, start_ns: int, end_ns: int
               ) -> list[dict[str, Any]]:
     """
-    Return when a sign of a person was not good: ``from_ns``, ``to_ns``, ``quality``.
+    Return the ranges in which a sign of a person was not good: ``from_ns``, ``to_ns``,
+    ``quality``.
 
-    One that begins before the time that is asked for begins there; of one that lasts to its end
-    ``to_ns`` is None. Of more than two days there are none.
+    A range that begins before the requested time is cut to it; ``to_ns`` is None for one that
+    lasts to its end. For more than two days the result is empty.
 
     :param end_ns: exclusive.
     """

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The tables of records. Times are UTC in ns since 1970; texts named ``content`` are JSON.
+The tables of records. Times are UTC in ns since 1970; columns named ``content`` are JSON.
 
-What a robot sent is known by (boot, seq), and ``received`` has a bit for each: what comes again is
-known as such also when its row was thinned or erased long ago. Names of robots, people and signs
-stand in a table each, and rows have their numbers.
+A record is identified by (boot, seq), and ``received`` has a bit for each: a duplicate is
+recognised even when its row expired or was erased long ago. Names of robots, people and signs have
+one table each; other rows refer to their ids.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from sqlalchemy import Table
 from sqlalchemy import Text
 from sqlalchemy import UniqueConstraint
 
-#: The longest name of anything.
+#: Longest name of any kind.
 NAME: Final = 120
 
 
@@ -51,7 +51,7 @@ def _id() -> Column[int]:
 
 
 def _to(table: str, **more: Any) -> Column[int]:
-    """Return a column with the number of a row of another table."""
+    """Return a foreign key column."""
     name = {'people': 'person_id', 'series': 'series_id'}.get(table, f'{table[:-1]}_id')
     return Column(name, BigInteger, ForeignKey(f'{table}.id', **more), nullable=False)
 
@@ -69,15 +69,15 @@ def _name(name: str) -> Column[str]:
 
 
 def _sent() -> tuple[Column[int], ...]:
-    """Return the columns of what a robot sent."""
+    """Return the columns that identify a record of a robot."""
     return (_id(), _to('boots'), Column('seq', BigInteger, nullable=False), _ns('t_ns'),
             _ns('arrived_ns'))
 
 
 # ---- who and what ------------------------------------------------------------------------------
 
-#: ``robot`` is its id everywhere outside, ``details`` the last hello; ``residents`` is how it was
-#: decided who lives with it, see :mod:`~rt_robot_os.monitor.security.residents`.
+#: ``robot`` is its id outside of the database, ``details`` the last hello; ``residents`` states
+#: how its residents were confirmed, see :mod:`~rt_robot_os.monitor.security.residents`.
 ROBOTS: Final = Table(
     'robots', METADATA, _id(), Column('robot', String(NAME), nullable=False, unique=True),
     _name('name'), _ns('first_ns'), _ns('last_ns'), _text('details'),
@@ -88,8 +88,8 @@ BOOTS: Final = Table(
     _ns('first_ns'), _ns('last_ns'), Column('blocks', BigInteger, nullable=False),
     UniqueConstraint('robot_id', 'boot'),
     sqlite_autoincrement=True)
-#: Bits of a block of numbers: what has been taken; empty bits are a full block. The first
-#: ``blocks`` of a start are all full, and have no row.
+#: Bits of the received numbers of a block; empty bits mean a full block. The first ``blocks`` of a
+#: start are all full, and have no row.
 RECEIVED: Final = Table(
     'received', METADATA,
     Column('boot_id', BigInteger, ForeignKey('boots.id'), primary_key=True, autoincrement=False),
@@ -98,7 +98,7 @@ RECEIVED: Final = Table(
 PEOPLE: Final = Table(
     'people', METADATA, _id(), Column('person', String(NAME), nullable=False, unique=True),
     _ns('first_ns'), sqlite_autoincrement=True)
-#: ``lives``: an administrator confirmed that the person lives with the robot now; when not, there
+#: ``lives``: an administrator confirmed that the person lives with the robot now; otherwise there
 #: are only records of the past.
 ROBOT_PEOPLE: Final = Table(
     'robot_people', METADATA,
@@ -116,8 +116,8 @@ SERIES: Final = Table(
 
 # ---- observations ------------------------------------------------------------------------------
 
-#: ``quality`` as in records.QUALITIES; ``value`` is NULL when there was none. Numbers are never
-#: given twice, also when the newest row was deleted: roll-ups go by them.
+#: ``quality`` as in records.QUALITIES; ``value`` is NULL when there was none. Ids are never
+#: reused, even when the newest row was deleted: roll-ups depend on them.
 OBSERVATIONS: Final = Table(
     'observations', METADATA, *_sent(), _to('series', ondelete='CASCADE'),
     Column('value', Double), Column('quality', SmallInteger, nullable=False), _name('source'),
@@ -138,14 +138,14 @@ def _rollup(name: str) -> Table:
 MINUTES: Final = _rollup('minutes')
 HOURS: Final = _rollup('hours')
 DAYS: Final = _rollup('days')
-#: Numbers of the store itself.
+#: Counters of the store itself.
 PROGRESS: Final = Table(
     'progress', METADATA, Column('name', String(NAME), primary_key=True),
     Column('value', BigInteger, nullable=False))
 
 # ---- alarms ------------------------------------------------------------------------------------
 
-#: What has become of each alarm, as its events say; ``last_seq`` is of the newest of these.
+#: State of each alarm, computed from its events; ``last_seq`` is that of the newest event.
 ALARMS: Final = Table(
     'alarms', METADATA, _id(), _to('robots'), Column('alarm', String(NAME), nullable=False),
     _name('subject'), _name('state'), _name('level'), _text('kinds'), _text('text'), _text('by'),
@@ -165,7 +165,7 @@ ALARM_NOTES: Final = Table(
 
 # ---- the rest ----------------------------------------------------------------------------------
 
-#: What the agent and operators did, and lines of logs.
+#: Actions of the agent and operators, and log lines.
 EVENTS: Final = Table(
     'events', METADATA, *_sent(), _to('robots'), _name('type'), _text('content'),
     Index(None, 'robot_id', 't_ns'))
@@ -175,14 +175,15 @@ PLACES: Final = Table(
 NODES: Final = Table(
     'nodes', METADATA, *_sent(), _to('robots'), Column('node', String(NAME), nullable=False),
     _text('content'), Index(None, 'robot_id', 'node', 't_ns'))
-#: ``media`` is the robot's name of it; ``path`` is where the server has it, empty until then.
+#: ``media`` is the robot's name for the file; ``path`` is that on the server, empty until
+#: received.
 MEDIA: Final = Table(
     'media', METADATA, *_sent(), _to('robots'), Column('media', String(NAME), nullable=False),
     _name('alarm'), _name('kind'), _text('file'), _name('sha256'),
     Column('size', BigInteger, nullable=False), Column('width', Integer, nullable=False),
     Column('height', Integer, nullable=False), _text('path'), _ns('stored_ns', nullable=True),
     UniqueConstraint('robot_id', 'media'), Index(None, 'robot_id', 'alarm'))
-#: Records that make no sense to this release, as they came, cut.
+#: Records that are invalid for this release, unmodified but truncated.
 UNKNOWN: Final = Table(
     'unknown', METADATA, _id(), _to('boots'), Column('seq', BigInteger), _ns('arrived_ns'),
     _name('type'), _text('why'), _text('content'), Index(None, 'boot_id', 'seq'))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From when on each level of the observations is still there."""
+"""The time from which on each level of the observations is available."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from sqlalchemy import Connection
 
 
 def horizon_name(level: str) -> str:
-    """Return the name under which it is kept."""
+    """Return the name of its counter."""
     return f'from:{level}'
 
 
 def horizon(connection: Connection, level: str) -> int:
-    """Return it, UTC in ns; what is older was thinned. 0: all is there."""
+    """Return this time, UTC in ns; older rows were deleted. 0: nothing was deleted."""
     return progress(connection, horizon_name(level))

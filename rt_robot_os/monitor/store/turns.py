@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Writers of one process take turns, in the order in which they came.
+A fair lock: the writers of one process take turns, in the order in which they asked.
 
-SQLite lets those who wait poll, and turns away who has had bad luck for long enough (``database is
-locked``). With turns that is left to other processes.
+Waiting connections of SQLite poll, and an unlucky one fails in the end (``database is locked``).
+With turns this happens only between processes.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from typing import Final
 
 from rt_robot_os.base.errors import StoreError
 
-#: Who has waited for so long gives up: the database does not answer who is writing now.
+#: A writer gives up after this time: the database does not answer the current writer.
 TURN_S: Final = 30.0
 
 
 class Turns:
-    """The turns at one database; safe for threads. A thread must not take two at a time."""
+    """The turns of one database; thread-safe. A thread must not hold two at a time."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -44,9 +44,9 @@ class Turns:
     @contextmanager
     def turn(self, timeout_s: float = TURN_S) -> Iterator[None]:
         """
-        Wait for a turn, and have it to the end of the block.
+        Wait for a turn, and hold it to the end of the block.
 
-        :raises StoreError: it did not come in time.
+        :raises StoreError: the turn did not come in time.
         """
         mine = threading.Event()
         with self._lock:
@@ -68,6 +68,6 @@ class Turns:
 
     def _give_up(self, mine: threading.Event, timeout_s: float) -> None:
         with self._lock:
-            if not mine.is_set():  # else it came at the last moment
+            if not mine.is_set():  # otherwise it came at the last moment
                 self._waiting.remove(mine)
-                raise StoreError(f'database: others have been writing for {timeout_s:g} s')
+                raise StoreError(f'database: other threads have been writing for {timeout_s:g} s')

@@ -15,8 +15,8 @@
 """
 Records about people who were not confirmed as residents of their robot when the records came.
 
-They are kept aside as the robot sent them, and filed when an administrator has confirmed the
-person. Like everything aside they are kept for ``network_days``.
+They are stored aside unmodified, and filed when an administrator has confirmed the person. Like
+all records aside they are kept for ``network_days``.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from sqlalchemy import Connection
 from sqlalchemy import delete
 from sqlalchemy import select
 
-#: The type of such a record; its content has ``type`` and ``content`` as they were.
+#: The type of such a record; its content has the original ``type`` and ``content``.
 UNCONFIRMED: Final = 'unconfirmed'
-#: Records that one transaction reads.
+#: Most records that one transaction reads.
 STEP: Final = 1000
 
 
@@ -48,8 +48,8 @@ def file_confirmed(connection: Connection, names: NameTable, after: int) -> tupl
     """
     File a part of the records whose person has been confirmed since.
 
-    :param after: the number of the last row that was looked at.
-    :return: how many were filed, and the number of the last row; None at the end.
+    :param after: the id of the last row that was read.
+    :return: how many were filed, and the id of the last row; None at the end.
     """
     rows = connection.execute(select(UNKNOWN, BOOTS.c.robot_id).join(
         BOOTS, BOOTS.c.id == UNKNOWN.c.boot_id).where(
@@ -81,7 +81,7 @@ def file_confirmed(connection: Connection, names: NameTable, after: int) -> tupl
 
 
 def _record(row: Any) -> Sent | None:
-    """Return the record in a row aside; None when it was cut or makes no sense."""
+    """Return the record in a row aside; None when it is truncated or invalid."""
     try:
         aside = json.loads(row.content)
         found = read({**aside['content'], 'seq': aside['seq'], 'utc_ns': aside['utc_ns']},

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is done to a whole database: to check it, to copy it while it is in use, to look at it."""
+"""Operations on a whole database: check, back up while in use, show statistics."""
 
 from __future__ import annotations
 
@@ -33,25 +33,25 @@ from rt_robot_os.monitor.store.store import Store
 from sqlalchemy import inspect
 from sqlalchemy import text
 
-#: Of what is wrong, so much is told.
+#: Most problems that are reported.
 PROBLEMS_MOST = 20
-# Nothing should be found by any of these.
+# Each of these queries counts rows that should not exist.
 _WRONG = {
     'alarms without events': 'SELECT count(*) FROM alarms WHERE NOT EXISTS (SELECT 1 FROM '
                              'alarm_events WHERE alarm_id = alarms.id)',
     'alarms older than their newest event': 'SELECT count(*) FROM alarms WHERE last_seq < (SELECT '
                                             'max(event_seq) FROM alarm_events WHERE alarm_id = '
                                             'alarms.id)',
-    **{f'{table.name} that make no sense': f'SELECT count(*) FROM {table.name} WHERE '
-                                           f'low > high OR count < 1 OR t_ns % {span_ns} <> 0'
+    **{f'{table.name} that are invalid': f'SELECT count(*) FROM {table.name} WHERE '
+                                         f'low > high OR count < 1 OR t_ns % {span_ns} <> 0'
        for table, span_ns in LEVELS}}
 
 
 def check(store: Store) -> list[str]:
     """
-    Look for damage: pages, references, and what the store itself promises.
+    Check for damage: pages, foreign keys, and invariants of the store.
 
-    :return: what is wrong; empty when all is well.
+    :return: the problems; empty if there are none.
     """
     found: list[str] = []
     with store.reading() as connection:
@@ -62,7 +62,7 @@ def check(store: Store) -> list[str]:
                       for row in connection.exec_driver_sql('PRAGMA foreign_key_check').fetchmany(
                           PROBLEMS_MOST)]
         else:
-            # Every row of every table is read: a damaged page says so.
+            # Every row of every table is read: reading a damaged page fails.
             for name in inspect(connection).get_table_names():
                 connection.execute(text(f'SELECT count(*), max(length(x::text)) FROM "{name}" x'))
         for what, statement in _WRONG.items():
@@ -73,7 +73,7 @@ def check(store: Store) -> list[str]:
 
 
 def status(store: Store) -> dict[str, Any]:
-    """Return its version, its size, and how many rows each table has."""
+    """Return its version, its size, and the number of rows of each table."""
     with store.reading() as connection:
         tables = set(inspect(connection).get_table_names())
         rows = {name: connection.execute(text(f'SELECT count(*) FROM "{name}"')).scalar()
@@ -92,11 +92,11 @@ def status(store: Store) -> dict[str, Any]:
 
 def backup(store: Store, path: Path) -> None:
     """
-    Copy the database while it is in use, as of one moment; for its owner alone.
+    Back up the database while it is in use, as of one moment; readable by its owner only.
 
-    SQLite: a database file. PostgreSQL: what ``pg_dump`` writes (``pg_restore`` reads it).
+    SQLite: a database file. PostgreSQL: the output of ``pg_dump``, for ``pg_restore``.
 
-    :raises StoreError: there is a file of that name, no room, or no ``pg_dump``.
+    :raises StoreError: a file of that name exists, the disk is full, or ``pg_dump`` is missing.
     """
     try:
         os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
@@ -128,7 +128,7 @@ def _copy(store: Store, path: Path) -> None:
     if program is None:
         raise StoreError('a backup of PostgreSQL needs pg_dump: install postgresql-client')
     url = store.engine.url.set(drivername='postgresql')
-    # The password is not for the list of processes.
+    # The list of processes must not show the password.
     done = subprocess.run(
         [program, '--format=custom', '--no-owner', '--file', str(path),
          url.set(password=None).render_as_string()], capture_output=True, text=True,

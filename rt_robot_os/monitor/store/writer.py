@@ -13,11 +13,12 @@
 # limitations under the License.
 
 """
-Records into the database from asyncio: one thread writes what all robots sent meanwhile.
+Writes records into the database from asyncio: one thread writes the records of all robots.
 
-While a commit waits for the disk the next batches gather, and go together in the next: the more
-robots, the fewer syncs a record. A batch with an alarm in it goes before the others. What cannot
-be written stays here and is tried again, and nothing is answered until it is on the disk.
+While a commit waits for the disk the next batches gather and share the next commit: the more
+robots, the fewer syncs per record. A batch with an alarm is written before the others. A batch
+that cannot be written stays queued and is retried, and nothing is acknowledged until it is on the
+disk.
 """
 
 from __future__ import annotations
@@ -40,12 +41,12 @@ from rt_robot_os.monitor.store.store import Hello
 from rt_robot_os.monitor.store.store import Store
 
 _LOG: Final = logging.getLogger(__name__)
-#: Records of one transaction, about: what comes next waits no longer than for these.
+#: Approximate number of records of one transaction: it limits how long the next ones wait.
 GROUP_RECORDS: Final = 2000
-#: Records that wait at most, of all robots; who comes then waits before the door.
+#: Most queued records of all robots; further callers wait for space.
 WAITING_RECORDS: Final = 100_000
 RETRY_S: Final = 0.5
-#: Records that could not be written for so long are refused.
+#: Records that could not be written for this long are refused.
 TIMEOUT_S: Final = 30.0
 RETRY_MOST_S: Final = 5.0
 #: Records that are not urgent wait this long for others to share the commit.
@@ -53,7 +54,7 @@ GATHER_S: Final = 0.02
 
 
 class _Waiting:
-    """A batch, and who waits for it."""
+    """A batch, and the caller that waits for it."""
 
     def __init__(self, batch: ReceivedBatch, loop: asyncio.AbstractEventLoop) -> None:
         self.batch = batch
@@ -63,11 +64,11 @@ class _Waiting:
                           for each in batch.records)
 
     def done(self, result: Added | BaseException) -> None:
-        """Tell who waits, from the writer's thread."""
+        """Pass the result to the caller, from the writer's thread."""
         try:
             self.loop.call_soon_threadsafe(self._set, result)
         except RuntimeError:
-            pass  # Its loop has ended: nobody waits any more.
+            pass  # Its loop has ended: no caller waits any more.
 
     def _set(self, result: Added | BaseException) -> None:
         if self.future.done():
@@ -83,12 +84,12 @@ _URGENT: Final = frozenset({int(Importance.ALARM), int(Importance.EVENT)})
 
 class RecordWriter:
     """
-    The one who writes records; started at once, ended by :meth:`close`.
+    The writer of records; it starts immediately and is ended by :meth:`close`.
 
-    :ivar waiting: records that wait.
+    :ivar waiting: queued records.
     :ivar commits: transactions so far.
-    :ivar failures: how many failed.
-    :ivar fault: why nothing can be written now; '' when all is well.
+    :ivar failures: failed transactions.
+    :ivar fault: why nothing can be written now; '' without a fault.
     """
 
     def __init__(self, store: Store, *, waiting_records: int = WAITING_RECORDS) -> None:
@@ -109,12 +110,12 @@ class RecordWriter:
     async def put(self, robot: str, boot: str, records: Sequence[Mapping[str, Any]],
                   timeout_s: float = TIMEOUT_S, clock: RobotClock = RobotClock()) -> Added:
         """
-        Write records; when it returns they are on the disk, but for those that were refused.
+        Write records; when it returns they are on the disk, except for refused ones.
 
         :param clock: of the robot.
-        :return: what became of them.
-        :raises StoreError: the database is away or full, or too much waits, and has for
-            ``timeout_s``. They may be written later all the same: send them again.
+        :return: the result.
+        :raises StoreError: for ``timeout_s`` the database was unavailable or full, or the queue
+            was full. They may be written later all the same: send them again.
         """
         loop = asyncio.get_running_loop()
         one = _Waiting(ReceivedBatch(robot, boot, records, clock), loop)
@@ -133,10 +134,10 @@ class RecordWriter:
 
     def hello(self, hello: Hello) -> None:
         """
-        Note what a robot said of itself, soon; of each robot the newest.
+        Store the hello of a robot soon; only the newest of each robot.
 
-        Those of all robots that connect meanwhile share a commit. While the database is away they
-        wait for it.
+        Hellos of all robots that connect meanwhile share a commit. They wait while the database is
+        unavailable.
         """
         with self._changed:
             self._hellos[hello.robot] = hello
@@ -146,10 +147,10 @@ class RecordWriter:
         if timeout_s >= TIMEOUT_S and not self.fault:
             self.fault = f'the database has stored nothing for {timeout_s:g} s'
         return StoreError(f'not written within {timeout_s:g} s: '
-                          f'{self.fault or "too much waits"}')
+                          f'{self.fault or "too many records are queued"}')
 
     def close(self) -> None:
-        """Write what waits, once, and end."""
+        """Write the queued records once, and end."""
         with self._changed:
             self._closing.set()
             self._changed.notify()
@@ -174,7 +175,7 @@ class RecordWriter:
         while (group := self._next()) is not None:
             try:
                 self._write_hellos()
-                # In an empty group nobody waits for an answer any more.
+                # An empty group means that no caller waits for an answer any more.
                 added = self._store.add_all([each.batch for each in group]) if group else []
             except StoreError as error:
                 self.failures += 1
@@ -188,18 +189,18 @@ class RecordWriter:
                 self.failures += 1
                 self._one_by_one(group, error)
             else:
-                # Whoever hears that it is stored finds no fault any more.
+                # Cleared before the callers learn that their records are stored.
                 self.fault = '' if group else self.fault
                 for each, result in zip(group, added, strict=True):
                     each.done(result)
             self.commits += bool(group)
-            if group or pause_s > RETRY_S:  # hellos alone end only a fault of theirs
+            if group or pause_s > RETRY_S:  # hellos alone clear only their own fault
                 self.fault = ''
             pause_s = RETRY_S
         self._turn_away()
 
     def _next(self) -> list[_Waiting] | None:
-        """Return what is written together; None when it is time to end."""
+        """Return the batches to write together; None at the end."""
         group: list[_Waiting] = []
         count = 0
         with self._changed:
@@ -228,14 +229,14 @@ class RecordWriter:
             self._store.hello_all(list(hellos.values()))
         except StoreError:
             with self._changed:
-                self._hellos = {**hellos, **self._hellos}  # what came meanwhile is newer
+                self._hellos = {**hellos, **self._hellos}  # those of meanwhile are newer
             raise
         except Exception:
             for each in hellos.values():
                 self._write_hello(each)
 
     def _write_hello(self, hello: Hello) -> None:
-        """Write one of several that failed together, so that only the one to blame is lost."""
+        """Write one hello of several that failed together, so that only the faulty one is lost."""
         try:
             self._store.hello_all([hello])
         except Exception as error:
@@ -250,7 +251,7 @@ class RecordWriter:
                     self.waiting += len(one.batch.records)
 
     def _one_by_one(self, group: Sequence[_Waiting], error: Exception) -> None:
-        """Find the batch that is to blame, so that it is the only one turned away."""
+        """Find the faulty batch, so that only this one is refused."""
         if len(group) == 1:
             group[0].done(StoreError(f'refused: {type(error).__name__}: {str(error)[:200]}'))
             return

@@ -120,7 +120,7 @@ def test_damage_is_found(store: Store) -> None:
         connection.execute(text('UPDATE minutes SET low = high + 1'))
         connection.execute(text("UPDATE alarms SET last_seq = 0 WHERE alarm = '1'"))
     assert [line.partition(' ')[2] for line in check(store)] == [
-        'alarms older than their newest event', 'minutes that make no sense']
+        'alarms older than their newest event', 'minutes that are invalid']
 
 
 def test_a_copy_made_while_it_is_in_use_is_whole(
@@ -185,7 +185,7 @@ def test_the_program_shows_checks_copies_and_erases(
     store.close()
     found = json.loads(said('status'))
     assert found['rows']['observations'] == 15 and found['version'] == found['newest_version']
-    assert said('check') == 'all is well\n'
+    assert said('check') == 'no damage found\n'
     assert 'copy.db: ' in said('backup', str(tmp_path / 'copy.db'))
     assert '"hologram"' in said('aside')
     assert '--yes' in said('erase', 'anna', code=2)
@@ -197,6 +197,6 @@ def test_the_program_shows_checks_copies_and_erases(
     with sqlite3.connect(tmp_path / 'monitor.db') as connection:
         connection.execute('UPDATE minutes SET count = 0')
     connection.close()
-    assert 'minutes that make no sense' in said('check', code=1)
+    assert 'minutes that are invalid' in said('check', code=1)
     with pytest.raises(RtRobotError, match='exists'):
         run(['database', 'backup', str(tmp_path / 'copy.db'), *where])

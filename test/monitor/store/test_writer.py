@@ -96,7 +96,7 @@ def test_who_waits_too_long_is_told_and_what_waits_is_bounded(url: str) -> None:
         first += [asyncio.create_task(writer.put('r1', 'b', batch(number * 10)))
                   for number in (1, 2)]
         await asyncio.sleep(0)
-        with pytest.raises(StoreError, match='not written within 0.2 s: too much waits'):
+        with pytest.raises(StoreError, match='not written within 0.2 s: too many records'):
             await writer.put('r2', 'b', batch(0), 0.2)
         # An alarm is let in all the same.
         alarm = asyncio.create_task(writer.put('r3', 'b', batch(0, 1, 'alarm_event', 0)))
@@ -134,7 +134,7 @@ def test_a_full_disk_is_told_and_nothing_is_acknowledged_until_there_is_room(
             try:
                 await writer.put('r1', 'b', batch(kept, 50, 'alarm_event'), 0.3)
             except StoreError as error:
-                if 'too much waits' in str(error):
+                if 'too many records are queued' in str(error):
                     continue  # a busy machine; the same records once more are known or fresh
                 assert 'database or disk is full' in str(error)
                 return kept

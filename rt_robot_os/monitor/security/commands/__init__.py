@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The commands of the program `monitor` about accounts, robots, certificates and the audit."""
+"""The commands of the program `monitor` for accounts, robots, certificates and the audit."""
 
 from __future__ import annotations
 
 from typing import Final
 
-#: Their first words.
+#: The first words of the commands.
 WORDS: Final = ('user', 'robot', 'certificate', 'audit', 'database')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`monitor audit`: to check the chain of the audit, and to take it away."""
+"""`monitor audit`: check the chain of the audit, and export it."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser('audit', help='the log of who did and saw what',
                                  allow_abbrev=False)
     words = parser.add_subparsers(dest='word', required=True, metavar='COMMAND')
-    one = add_command(words, 'verify', _verify, 'check that no row was changed, removed or added '
-                      'by somebody else; exit code 1 when one was')
+    one = add_command(words, 'verify', _verify, 'check that no row was changed, removed or added; '
+                      'exit code 1 when one was')
     one.add_argument('--noted', default='', metavar='HEAD', help='the head that an earlier check '
                      'printed, noted elsewhere: it must still be there')
     one.add_argument('--json', action='store_true', help='print JSON')
@@ -54,7 +54,7 @@ def _verify(arguments: argparse.Namespace) -> int:
                           'problems': verdict.problems}, indent=1))
     else:
         print(f'{verdict.rows} rows, head {verdict.head}',
-              *(verdict.problems or ['the chain is whole' if verdict.rows else
+              *(verdict.problems or ['the chain is intact' if verdict.rows else
                                      'there are no rows: nothing was checked']), sep='\n')
     return OK if verdict.is_whole and verdict.rows else FAILED
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`monitor certificate`: TLS for a network without names of the world."""
+"""`monitor certificate`: TLS for a network without public DNS names."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ _INSTALL = """Install {authority} on each tablet once, so that it trusts this se
             (Chromium: chrome://certificate-manager; Firefox: Settings > Certificates > Import)
   robot     copy it there and name it as ca_file of the gateway
 Compare its fingerprint there: {fingerprint}
-Keep {secret} where nobody else reads it; it is needed again only to renew."""
+Keep {secret} secret; it is needed again only for a renewal."""
 
 
 def add_to(commands: Any) -> None:
     """Add its parser."""
     parser = commands.add_parser(
-        'certificate', allow_abbrev=False, help='make or renew certificates for TLS',
-        description='Make a certificate authority of your own and a certificate of the server, '
-        'or renew that.')
+        'certificate', allow_abbrev=False, help='create or renew certificates for TLS',
+        description='Create a certificate authority of your own and a certificate of the server, '
+        'or renew the certificate.')
     parser.add_argument('word', nargs='?', choices=('make', 'check'), default='make',
-                        help='make or renew (default), or check how long it is good')
+                        help='create or renew (default), or check how long it is valid')
     parser.add_argument('--name', action='append', default=[], metavar='NAME',
                         help='host name or address of the server, as often as needed (default: '
                         'those of this machine, or those of the certificate that is renewed)')
     parser.add_argument('--days', type=int, default=certificates.SERVER_DAYS, metavar='N',
-                        help='how long it is good (default: %(default)s, the most)')
+                        help='its validity (default: %(default)s, the longest)')
     parser.add_argument('--renew-authority', action='store_true',
-                        help='make a new authority as well; each tablet must install it')
+                        help='create a new authority as well; each tablet must install it')
     parser.add_argument('--json', action='store_true', help='print JSON')
     add_where(parser)
     parser.set_defaults(run=_run)
@@ -74,13 +74,13 @@ def _run(arguments: argparse.Namespace) -> int:
                           'fingerprint': made.fingerprint, 'ends': made.ends.isoformat(),
                           'new_authority': made.is_new_authority}, indent=1))
         return OK
-    print(f'{made.certificate} is good for {", ".join(made.names)} until {made.ends:%Y-%m-%d}',
+    print(f'{made.certificate} is valid for {", ".join(made.names)} until {made.ends:%Y-%m-%d}',
           f'start the monitor with --certificate {made.certificate} --key {made.key}', sep='\n')
     if made.is_new_authority:
         print(_INSTALL.format(authority=made.authority, fingerprint=made.fingerprint,
                               secret=folder / certificates.CA_KEY_FILE))
     else:
-        print('the authority is the one that the tablets have: nothing is to be done there')
+        print('the authority is unchanged: the tablets need no installation')
     return OK
 
 
@@ -91,15 +91,15 @@ def _check(path: Path, as_json: bool) -> int:
         print(json.dumps({'days_left': days, 'names': certificates.names_of(path),
                           'due': is_due}, indent=1))
     else:
-        print(f'{path}: good for {", ".join(certificates.names_of(path))}, {days:.0f} days left')
+        print(f'{path}: valid for {", ".join(certificates.names_of(path))}, {days:.0f} days left')
     return FAILED if is_due else OK
 
 
 def own_names() -> list[str]:
-    """Return how this machine is called, and the address by which it reaches others."""
+    """Return the host name of this machine, and the address by which it reaches others."""
     host = socket.gethostname().lower()
     names = [host] if '.' in host else [host, f'{host}.local']
-    # Nothing is sent: it only asks which address it would be sent from.
+    # Nothing is sent: this only determines the source address.
     for family, target in ((socket.AF_INET, '192.0.2.1'), (socket.AF_INET6, '2001:db8::1')):
         try:
             with socket.socket(family, socket.SOCK_DGRAM) as probe:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the commands share: where the database is, and to open the accounts in it."""
+"""Shared by the commands: the location of the database, and opening its accounts."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ _DATABASE: Final = 'monitor.db'
 
 
 def add_where(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say which monitor it is about."""
+    """Add the options that select a monitor."""
     parser.add_argument('--folder', metavar='DIR', help='folder of the monitor (default: '
                         '~/.ros/monitor)')
     parser.add_argument('--database', metavar='URL', help='database (default: SQLite in FOLDER)')
     parser.add_argument('--params-file', action='append', default=[], metavar='FILE',
-                        help='parameter file with a section /**/monitor that says both')
+                        help='parameter file with a section /**/monitor that sets both')
 
 
 def settings_of(arguments: argparse.Namespace) -> MonitorSettings:
     """
-    Return the settings of the monitor that is meant.
+    Return the settings of the selected monitor.
 
-    :raises ConfigError: they are wrong.
+    :raises ConfigError: they are not valid.
     """
     options = {name: value for name in ('folder', 'database')
                if (value := getattr(arguments, name, None)) is not None}
@@ -64,7 +64,7 @@ def opened(arguments: argparse.Namespace) -> Iterator[Accounts]:
     """
     Open the accounts.
 
-    :raises ConfigError: what was asked of them cannot be done.
+    :raises ConfigError: the requested action is not possible.
     :raises RtRobotError: the database cannot be opened.
     """
     settings = settings_of(arguments)
@@ -83,7 +83,7 @@ def opened(arguments: argparse.Namespace) -> Iterator[Accounts]:
 
 
 def console() -> Somebody:
-    """Return who does it, for the audit: the user of this machine."""
+    """Return the actor for the audit: the user of this machine."""
     try:
         name = getpass.getuser()
     except (KeyError, OSError, ImportError):
@@ -93,7 +93,7 @@ def console() -> Somebody:
 
 def read_password(prompt: str) -> str:
     """
-    Ask for a new password, twice; without a terminal it is the first line of standard input.
+    Prompt for a new password twice; without a terminal read the first line of standard input.
 
     :raises ConfigError: the two differ, or there is none.
     """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`monitor robot`: the robots that may call, and their tokens."""
+"""`monitor robot`: the robots that may connect, and their tokens."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ from rt_robot_os.monitor.security.commands.opening import opened
 
 def add_to(commands: Any) -> None:
     """Add its parser."""
-    parser = commands.add_parser('robot', help='robots that may call', allow_abbrev=False)
+    parser = commands.add_parser('robot', help='robots that may connect', allow_abbrev=False)
     words = parser.add_subparsers(dest='word', required=True, metavar='COMMAND')
-    one = add_command(words, 'add', _add, 'let a robot in; prints its token, which is not kept')
+    one = add_command(words, 'add', _add, 'add a robot; prints its token, which is not stored')
     one.add_argument('name')
     one.add_argument('--token-file', type=Path, metavar='FILE', help='write the token there, '
                      'for its owner alone, rather than print it')
-    one.add_argument('--people', nargs='*', metavar='PERSON', help='who lives with it; without '
-                     'this, what its hello suggests waits to be confirmed')
+    one.add_argument('--people', nargs='*', metavar='PERSON', help='its residents; without '
+                     'this, those of its hello wait for confirmation')
     one = add_command(words, 'people', _people, 'show or confirm who lives with which robot')
     one.add_argument('name', nargs='?', help='a robot; without it all are shown')
-    one.add_argument('people', nargs='*', metavar='PERSON', help='who lives with it; this takes '
-                     'the place of whom was confirmed before')
-    one.add_argument('--nobody', action='store_true', help='confirm that nobody lives with it')
+    one.add_argument('people', nargs='*', metavar='PERSON', help='its residents; they '
+                     'replace those confirmed before')
+    one.add_argument('--nobody', action='store_true', help='confirm that it has no residents')
     one = add_command(words, 'list', _list, 'show the robots')
     one.add_argument('--json', action='store_true', help='print JSON')
-    one = add_command(words, 'revoke', _revoke, 'let a robot in no more; its connection ends')
+    one = add_command(words, 'revoke', _revoke, 'revoke the token of a robot; its connection ends')
     one.add_argument('name')
 
 
@@ -79,7 +79,7 @@ def _people(arguments: argparse.Namespace) -> int:
     with opened(arguments) as accounts:
         if arguments.people or arguments.nobody:
             if arguments.people and arguments.nobody:
-                raise ConfigError(['--nobody and names of people: give one of them'])
+                raise ConfigError(['--nobody and names of people: give only one of them'])
             _confirm(accounts, arguments.name, arguments.people)
         robots = [each for each in accounts.robots.all()
                   if arguments.name in (None, each['id'], each['name'])]
@@ -116,5 +116,5 @@ def _revoke(arguments: argparse.Namespace) -> int:
     with opened(arguments) as accounts:
         name = accounts.revoke_robot(arguments.name)
         accounts.audit.note(console(), 'robot.revoke', name)
-        print(f'{name} may not call any more')
+        print(f'{name} may not connect any more')
     return OK

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which commands there are; apart from their folder, since they take long to import."""
+"""The table of commands; separate from their folder, whose import takes long."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`monitor user`: accounts of people, without a browser."""
+"""`monitor user`: manage accounts of people without a browser."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def add_to(commands: Any) -> None:
     one.add_argument('name')
     one.add_argument('--role', choices=_ROLES, default='viewer')
     one.add_argument('--people', nargs='*', default=[], metavar='PERSON',
-                     help="whom they may see; '*' is everybody")
+                     help="people they may see; '*' is everybody")
     one.add_argument('--link', metavar='URL', help='no password: print a link, under this '
                      'address of the monitor, by which they choose one themselves')
     one = add_command(words, 'list', _list, 'show the users')
@@ -61,12 +61,12 @@ def add_to(commands: Any) -> None:
     one = add_command(words, 'role', _role, 'change a role; ends all sessions')
     one.add_argument('name')
     one.add_argument('role', choices=_ROLES)
-    one = add_command(words, 'grant', _grant, 'say whom a user may see, in place of before')
+    one = add_command(words, 'grant', _grant, 'set the people that a user may see')
     one.add_argument('name')
-    one.add_argument('people', nargs='*', metavar='PERSON', help="'*' is everybody; none: nobody")
-    one = add_command(words, 'disable', _disable, 'keep a user out; ends all sessions')
+    one.add_argument('people', nargs='*', metavar='PERSON', help="'*' is everybody; none: no one")
+    one = add_command(words, 'disable', _disable, 'disable a user; ends all sessions')
     one.add_argument('name')
-    one = add_command(words, 'enable', _enable, 'let a user in again')
+    one = add_command(words, 'enable', _enable, 'enable a user again')
     one.add_argument('name')
     one = add_command(words, 'sessions', _sessions, 'show sessions, or end those of a user')
     one.add_argument('name', nargs='?')
@@ -146,7 +146,7 @@ def _sessions(arguments: argparse.Namespace) -> int:
         user = _user(accounts, arguments.name) if arguments.name else None
         if arguments.end:
             if user is None:
-                raise ConfigError(["--end: of whom? Give the user's name"])
+                raise ConfigError(["--end needs the user's name"])
             count = accounts.end_sessions(user=user.id)
             accounts.audit.note(console(), 'session.end_all', user.name, sessions=count)
             print(f'{count} sessions of {user.name} ended')
@@ -174,7 +174,7 @@ def _change(arguments: argparse.Namespace, *, role: str | None = None,
 def _user(accounts: Accounts, name: str) -> User:
     found = accounts.users.find(name)
     if found is None:
-        raise ConfigError([f'no user {name[:64]!a}: monitor user list shows who there is'])
+        raise ConfigError([f'no user {name[:64]!a}: monitor user list shows all users'])
     return found
 
 
