@@ -67,6 +67,9 @@ class CommandAnswer:
 
         :raises ValueError: with the field, its value and what it must be.
         """
+        # Modules of others may give a number; a caller waits for the answer all the same.
+        if not isinstance(alarm := found.get('alarm', ''), str):
+            found = {**found, 'alarm': str(alarm)}
         return CODEC.read(found)
 
     @classmethod
@@ -76,7 +79,8 @@ class CommandAnswer:
 
         :raises ValueError: with the field, its value and what it must be.
         """
-        return CODEC.read(parse_object(text, '{"command": "...", "ok": true, "text": "..."}'))
+        return cls.from_dict(
+            parse_object(text, '{"command": "...", "ok": true, "text": "..."}'))
 
 
 CODEC: Final = Codec(CommandAnswer)

@@ -126,7 +126,7 @@ def test_a_capture_that_crashes_or_is_unplugged_comes_back_and_others_run(
     robot = world.robot(ROBOT.replace(
         'faults: []', "faults: ['crash at 1 for 0.2', 'unplug at 3 for 0.5', "
         "'crash at 12 for 0.2', 'unplug at 18 for 0.5']"))
-    robot.wait_for_line('its capture process ended without a word')
+    robot.wait_for_line('its capture process ended without a message')
     heard = len(levels)
     robot.wait_for_line("active again after 'its capture process ended")
     until(lambda: len(levels) > heard + 10, 'sound')
@@ -167,7 +167,7 @@ def test_a_folder_of_pictures_is_captured_by_a_process_of_its_own(
     assert set(values) <= set(range(12)) and len(set(values)) > 6
     for pid in workers(world):  # the process is killed: the host starts another one
         os.kill(pid, signal.SIGKILL)
-    robot.wait_for_line('its capture process ended without a word')
+    robot.wait_for_line('its capture process ended without a message')
     seen = len(packed)
     until(lambda: len(packed) > seen + 5, 'pictures again')
     assert robot.end() == 0

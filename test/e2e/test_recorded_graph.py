@@ -99,7 +99,7 @@ def test_a_topic_is_found_by_either_name_and_replayed(world: Any, until: Until) 
         recorder.join()
         if named is None:
             assert code == 2
-            assert f'no topic {asked} in the core; there are' in recorder.output
+            assert f'no topic {asked} in the core; known are' in recorder.output
             assert '/arm/inertial' in recorder.output
             assert not bag.exists()
             continue

@@ -146,7 +146,7 @@ def test_a_core_is_started_again_after_a_folder_stood_in_its_place(
     path.unlink()
     path.mkdir()
     os.kill(robot.process.pid, signal.SIGCONT)
-    robot.wait_for_line('is there and no socket')
+    robot.wait_for_line('exists and is not a socket')
     path.rmdir()
     until(lambda: core_of(diagnostics)[0] not in (0, pid), 'a new core')
     assert not robot.said('Traceback')

@@ -80,6 +80,10 @@ def test_run_explains_itself_without_a_set_up(tmp_path: Path) -> None:
     for name in ('run', 'environment.bash'):
         shutil.copy(ROOT / 'scripts' / name, tmp_path / 'scripts' / name)
     shutil.copy(ROOT / 'setup.py', tmp_path)
+    for manifest in (ROOT / 'rt_robot_os' / 'features').glob('*/manifest.py'):
+        folder = tmp_path / manifest.parent.relative_to(ROOT)
+        folder.mkdir(parents=True)
+        shutil.copy(manifest, folder)
     before = {path.name for path in tmp_path.iterdir()}
     done = subprocess.run([tmp_path / 'scripts' / 'run', '--help'], capture_output=True, text=True,
                           timeout=60, check=True)

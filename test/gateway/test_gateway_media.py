@@ -70,10 +70,10 @@ class Robot:
         (folder / 'robot.yaml').write_text(YAML.replace('FOLDER', str(folder)))
         self.process = start_core(folder)
 
-    def send_command(self, **send_command: Any) -> None:
+    def send_command(self, **command: Any) -> None:
         with LinkClient(self.folder / 'robot.sock', 'test') as client:
             client.publish(client.advertise('agent/observe'),
-                           string_message(json.dumps(send_command)))
+                           string_message(json.dumps(command)))
 
     def close(self) -> None:
         self.process.terminate()
@@ -126,13 +126,13 @@ def test_pictures_come_while_somebody_looks_and_files_come_once(
         name = next(iter(services.hub.robots))
         _look(address, name, logged_in(services))
         wait_until(lambda: not services.media.gallery.viewers, 'the end of looking')
-        robot.order(send_command='picture', alarm='a1', subject='anna')
-        robot.order(send_command='clip', alarm='a1', subject='anna', before_s=1.0, after_s=0.2)
+        robot.send_command(order='picture', alarm='a1', subject='anna')
+        robot.send_command(order='clip', alarm='a1', subject='anna', before_s=1.0, after_s=0.2)
         wait_until(lambda: running.gateway.statistics()['files_sent'] == 2, 'the answers')
         wait_until(lambda: running.gateway.statistics()['files_waiting'] == 0, 'the tidying')
         assert services.media.files.counts().files == 2
     # What is observed while there is no gateway is found by the next, and nothing twice.
-    robot.order(send_command='picture', alarm='a2', subject='anna')
+    robot.send_command(order='picture', alarm='a2', subject='anna')
     folder = robot.folder / 'observations'
     wait_until(lambda: len(list(folder.glob('observed_*'))) == 3, 'the file')
     with closing(Running(robot, address, token, tmp_path)):

@@ -53,7 +53,7 @@ def observed(folder: ObservationFolder, alarm: str = 'a1', suffix: str = '.jpg',
              content: bytes = CONTENT) -> dict[str, Any]:
     """Have the camera keep a file, and say what it tells of it."""
     kind = {'.jpg': 'picture', '.avi': 'clip'}[suffix]
-    kept = folder.keep(('anna', alarm, kind), suffix, len(content),
+    kept = folder.store(('anna', alarm, kind), suffix, len(content),
                        lambda file: file.write(content))
     return {'file': str(kept.path), 'alarm': alarm, 'subject': 'anna', 'kind': kind,
             'camera': 'hall', 'width': 640, 'height': 480, 't_ns': 5}
@@ -231,7 +231,7 @@ def test_what_the_server_never_takes_is_given_up_and_what_waits_for_its_disk_is_
     server.refusals = [0.0]
     asyncio.run(go())
     assert len(server.whole) == 1 and spool.given_up == 1
-    assert 'is not taken' in told[-1]
+    assert 'is refused by the server' in told[-1]
 
 
 def test_the_clock_of_the_server_is_known_to_half_the_quickest_answer() -> None:

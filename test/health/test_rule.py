@@ -239,7 +239,7 @@ def test_a_right_rule_has_no_problem_and_runs_by_itself(tmp_path: Path, when: st
         '14: mine.when:   wsn/kitchen/smoke > 0.5',
         '14: mine.when:   ^^^^^^^^^^^^^^^^^']),
     ('wsn/kichen/smoke.data > 0.5', [
-        "14: module mine reads 'wsn/kichen/smoke': nobody declares this topic, did you mean "
+        "14: module mine reads 'wsn/kichen/smoke': no part declares this topic, did you mean "
         "'wsn/kitchen/smoke'? Or add it to 'topics'"]),
     ('"wsn/*/smok.data > 0.5"', [
         "14: module mine reads 'wsn/*/smok': no topic matches, did you mean "

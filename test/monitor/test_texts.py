@@ -27,7 +27,7 @@ from typing import Final
 import pytest
 
 import rt_robot_os
-from rt_robot_os.features.health.assessment.module import said
+from rt_robot_os.features.health.assessment.module import score_text
 from rt_robot_os.features.health.assessment.news2 import score
 from rt_robot_os.messages.signs import SIGNS
 from rt_robot_os.messages.texts.coded import coded
@@ -191,7 +191,7 @@ def test_a_nested_text_has_a_code_of_its_own() -> None:
     {}, {'pulse_per_min': 150.0}, {name: 100.0 for name in SIGNS if name != 'consciousness'}
     | {'consciousness': 0.0, 'oxygen_l_per_min': 0.0, 'respiration_per_min': 15.0}])
 def test_each_score_has_a_code(values: dict[str, float], held: dict[str, int] | None) -> None:
-    text = said('anna', score(values, 1), held)
+    text = score_text('anna', score(values, 1), held)
     found = coded(text)
     assert found is not None and found['code'].startswith('news2'), text
     assert all(each.get('code') for name in ('points', 'missing', 'before')

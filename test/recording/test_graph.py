@@ -119,9 +119,9 @@ def test_both_transforms_stand_behind_tf() -> None:
 
 def test_a_topic_that_is_not_there_is_named_with_those_that_are() -> None:
     chosen = selected('/tf', '/nosuch')
-    assert chosen.missing.startswith('no topic /nosuch in the core; there are ')
+    assert chosen.missing.startswith('no topic /nosuch in the core; known are ')
     assert {'/tf', '/tf_static', '/rosout', '/plan', '/inner'} <= set(
-        chosen.missing.partition('there are ')[2].split(', '))
+        chosen.missing.partition('known are ')[2].split(', '))
 
 
 def test_topics_of_the_core_alone_are_shown_on_request() -> None:

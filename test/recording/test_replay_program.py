@@ -188,7 +188,7 @@ def test_a_recording_too_short_for_a_schedule_says_so(recording: Path, robot: An
                    each=lambda sample: None if is_tap(sample.topic) else sample.cdr)
     code, text = robot.run(REPLAY, str(path))
     assert code == 2
-    assert 'no message of its schedule' in text and '--no-bytes' not in text
+    assert 'it has no message of the schedule' in text and '--no-bytes' not in text
 
 
 def test_what_the_core_dropped_of_its_schedule_is_told(recording: Path, robot: Any) -> None:

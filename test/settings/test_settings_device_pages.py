@@ -22,12 +22,16 @@ import re
 
 import pytest
 
+from rt_robot_os.base import features
 from rt_robot_os.devices.registry import DRIVERS
 from rt_robot_os.settings import load
 
 pytest.importorskip('sensor_msgs.msg', reason='the ROS 2 messages are not installed')
 
 ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = {name: place.partition('.')[2].replace('.', '/') for name, place in
+           {**{name: f'rt_robot_os.devices.{name}' for name in DRIVERS.names()},
+            **features.devices()}.items()}
 INDEX = ROOT / 'docs' / 'devices' / 'README.md'
 PAGES = sorted({*(ROOT / 'docs' / 'devices').glob('*.md'),
                 *(ROOT / 'rt_robot_os').rglob('page.md')} - {INDEX})
@@ -59,5 +63,5 @@ def test_every_device_has_a_page_beside_its_driver_and_a_row_in_the_index() -> N
     assert sorted(named) == sorted(set(DRIVERS.names()) - set(DRIVERS.foreign_names()))
     for name, link in named.items():
         page = (INDEX.parent / link).resolve()
-        assert page == ROOT / 'rt_robot_os' / 'devices' / name / 'page.md'
+        assert page == ROOT / 'rt_robot_os' / FOLDERS[name] / 'page.md'
         assert f'`type: {name}`' in page.read_text(encoding='utf-8')

@@ -106,7 +106,7 @@ def test_every_problem_is_told_with_its_line(problems_of: Judge, maps: Path) -> 
         'maps/world.yaml:1: world.map: maps/flat.yaml:3: origin: must be a list of three numbers: '
         'x and y in m, yaw in rad',
         "maps/world.yaml:2: world.sede: unknown key, did you mean 'seed'?",
-        'maps/world.yaml:3: world.nodes: a is there twice',
+        'maps/world.yaml:3: world.nodes: a is listed twice',
     ]
 
 

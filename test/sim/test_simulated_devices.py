@@ -205,7 +205,7 @@ def test_every_wrong_setting_is_told_at_once(tmp_path: Path) -> None:
     problems = '\n'.join(caught.value.problems)
     assert "imu: there is no setting 'rate'" in problems
     assert "imu: rate_hz is 'fast': it must be a number from 0.01 to 200" in problems
-    assert 'imu: seed is 1.5: it must be a whole number' in problems
+    assert 'imu: seed is 1.5: it must be an integer' in problems
     with pytest.raises(ConfigError, match='imu: fault .x. is not understood'):
         SimulatedWitMotion('imu', {'faults': ['x']}, PtyPort(tmp_path / 'x'))
 

@@ -28,7 +28,7 @@ from benchmarks.delay.subjects import WARM
 import numpy as np
 import pytest
 
-from rt_robot_os.base.compiled import State
+from rt_robot_os.base.compiled import BuildState
 from rt_robot_os.base.compiled import SWITCH
 from rt_robot_os.tools.bench import builds
 from rt_robot_os.tools.bench import processes
@@ -70,12 +70,12 @@ def test_a_child_without_the_compiled_build_says_why_and_measures_nothing(
         return {'subject': 'no.such.module:work', 'arguments': {}, 'cpu': UNPINNED, 'priority': 0,
                 'build': build}
 
-    monkeypatch.setattr(builds, 'state', lambda: State(False, 'pure Python: not compiled'))
+    monkeypatch.setattr(builds, 'state', lambda: BuildState(False, 'pure Python: not compiled'))
     assert _work(job(COMPILED), tmp_path) == RunOutcome(
         RunStatus.MISSING, 'pure Python: not compiled')
     # The other build would have been measured.
     assert 'no' in _work(job(PURE), tmp_path).reason != 'pure Python: not compiled'
-    monkeypatch.setattr(builds, 'state', lambda: State(True, 'compiled'))
+    monkeypatch.setattr(builds, 'state', lambda: BuildState(True, 'compiled'))
     assert 'pure' not in _work(job(COMPILED), tmp_path).reason
 
 

@@ -56,7 +56,7 @@ _AGAIN_NS: Final = 60 * NS_PER_S
 _KB: Final = 1024
 _LOW: Final = ('{}: alarms are stored in the {} KiB that were kept free for them, and not at all '
                'when that is used up; make room on the disk')
-_ENDED: Final = ('its process ended without a word (it was killed, or the memory was full); '
+_ENDED: Final = ('its process ended without a message (it was killed, or the memory was full); '
                  'it is started again')
 
 
