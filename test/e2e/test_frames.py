@@ -174,7 +174,7 @@ def test_without_tf2_msgs_one_line_says_so_and_the_rest_runs(world: Any, until: 
     diagnostics = world.listen(DiagnosticArray, '/diagnostics')
     robot = world.robot(ROBOT, prelude='import sys; sys.modules["tf2_msgs"] = None')
     robot.wait_for_line('connected to the core')
-    robot.wait_for_line('no /tf and /tf_static: ROS has no package tf2_msgs here '
+    robot.wait_for_line('no /tf and /tf_static: the ROS package tf2_msgs is not installed '
                         f'({ros_remedy("tf2_msgs")}); everything else runs')
     assert sum('tf2_msgs' in line for line in robot.lines) == 1
     until(lambda: row(diagnostics, 'mountings -> /tf_static'), 'what /diagnostics says')
