@@ -13,8 +13,9 @@
 # limitations under the License.
 
 """
-Selects the next records to send: the most important first, the oldest of them, adapted to the
-network.
+Selects the next records to send, adapted to the network.
+
+The most important are sent first, and of them the oldest.
 
 This module has no threads and no network: it returns texts, receives answers, and gets the time as
 an argument.
@@ -120,7 +121,7 @@ class Dispatch:
 
     @property
     def protected(self) -> dict[Importance, OutboxPosition]:
-        """The last rows in flight, by importance."""
+        """Return the last rows in flight, by importance."""
         return dict(self._places)
 
     # ---- out ---------------------------------------------------------------------------------

@@ -96,7 +96,7 @@ class OutboxRow(NamedTuple):
 
     @property
     def nbytes(self) -> int:
-        """The bytes that count for the limit."""
+        """Return the bytes that count for the limit."""
         return len(self.text.encode()) + ROW_BYTES
 
 

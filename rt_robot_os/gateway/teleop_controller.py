@@ -13,8 +13,7 @@
 # limitations under the License.
 
 """
-Decides which remote driver has the lease, and which commands are recent enough and how long
-active.
+Decides which remote driver has the lease, and which commands are recent and still active.
 
 It makes pure decisions with a clock as an argument; :mod:`rt_robot_os.gateway.drive` connects
 them. A command that moves the robot must pass these checks in this order: it belongs to the

@@ -54,7 +54,7 @@ def observed(folder: ObservationFolder, alarm: str = 'a1', suffix: str = '.jpg',
     """Have the camera keep a file, and say what it tells of it."""
     kind = {'.jpg': 'picture', '.avi': 'clip'}[suffix]
     kept = folder.store(('anna', alarm, kind), suffix, len(content),
-                       lambda file: file.write(content))
+                        lambda file: file.write(content))
     return {'file': str(kept.path), 'alarm': alarm, 'subject': 'anna', 'kind': kind,
             'camera': 'hall', 'width': 640, 'height': 480, 't_ns': 5}
 

@@ -52,8 +52,9 @@ class Rights:
 
     def sees_robot(self, people: frozenset[str] | None) -> bool:
         """
-        Return whether a robot is visible; one without residents only to users who may see
-        everybody.
+        Return whether a robot is visible.
+
+        One without residents is visible only to users who may see all residents.
 
         :param people: its residents; None while they are unknown.
         """

@@ -63,8 +63,9 @@ def alarms(connection: Connection, people: frozenset[str] | None, robot: str | N
 
 def _visible(people: frozenset[str]) -> ColumnElement[bool]:
     """
-    Return the condition for visible alarms: those about granted people, and about rooms and
-    devices where they live.
+    Return the condition for visible alarms.
+
+    These are alarms about granted people, and about rooms and devices where they live.
 
     Alarms of a robot without residents are visible to accounts that may see everybody.
 

@@ -46,8 +46,9 @@ _CHANGES: Final = text("""
 def stretches(connection: Connection, person: str, sign: str, start_ns: int, end_ns: int
               ) -> list[dict[str, Any]]:
     """
-    Return the ranges in which a sign of a person was not good: ``from_ns``, ``to_ns``,
-    ``quality``.
+    Return the ranges in which a sign of a person was not good.
+
+    Each has ``from_ns``, ``to_ns`` and ``quality``.
 
     A range that begins before the requested time is cut to it; ``to_ns`` is None for one that
     lasts to its end. For more than two days the result is empty.

@@ -29,7 +29,7 @@ Position = tuple[float, float, float]
 
 class Link(NamedTuple):
     """
-One direction of a link between two nodes.
+    One direction of a link between two nodes.
 
     :ivar reception_rate: share of the frames that arrive, 0 to 1; acknowledgements too.
     :ivar rssi_dbm: as the receiver sees it.
@@ -43,11 +43,11 @@ One direction of a link between two nodes.
 
 class Radio(ABC):
     """
-The interface of a radio to the medium.
+    The interface of a radio to the medium.
 
     :ivar address: of the mote.
     :ivar number: unique even if several networks in the area use the same addresses.
-:ivar pan: its network; frames of other networks are noise to it.
+    :ivar pan: its network; frames of other networks are noise to it.
     :ivar power_dbm: transmit power.
     :ivar is_on: whether it has power.
     :ivar on_since_ns: when it was switched on.
