@@ -164,7 +164,7 @@ def test_what_is_no_message_ends_the_connection_and_the_drive(
             carol.say(kind='take', over=False)
             robot.wait_for('drive_begin', before)
             carol.socket.send(text)
-            robot.wait_for('drive_end', before, why='not a message')
+            robot.wait_for('drive_end', before, why='not a valid message')
             with pytest.raises(ConnectionClosed) as closed:
                 while True:
                     carol.socket.recv(20)

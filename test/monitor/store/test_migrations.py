@@ -138,7 +138,7 @@ def test_a_step_that_fails_leaves_nothing_behind(
 
 @pytest.mark.parametrize(('url', 'text'), [
     ('mysql://root:secret@host/x', 'neither sqlite nor postgresql'),
-    ('sqlite://', 'needs a file'), ('postgresql://:secret@host:port/x', 'no URL'),
+    ('sqlite://', 'needs a file'), ('postgresql://:secret@host:port/x', 'not a URL'),
     ('postgresql://monitor:secret@127.0.0.1:1/x', 'Is PostgreSQL running')])
 def test_a_url_that_does_not_work_is_said_without_its_password(url: str, text: str) -> None:
     with pytest.raises(StartError, match=text) as raised:
