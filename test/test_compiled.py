@@ -64,7 +64,7 @@ def binary(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def copy(binary: Path, tmp_path: Path) -> Path:
     """Copy what a decision needs, with the binary in the package, as an installation has it."""
-    for name in ('base', 'linux', 'kernel', 'topics'):
+    for name in ('base', 'core', 'linux', 'kernel', 'topics'):
         shutil.copytree(PACKAGE / name, tmp_path / compiled.PACKAGE / name,
                         ignore=shutil.ignore_patterns('__pycache__'))
     for path in PACKAGE.glob('*.py'):

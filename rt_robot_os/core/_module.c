@@ -19,7 +19,7 @@
  * say from which sources and how it was built; base/compiled/__init__.py decides whether it is used.
  */
 
-#include "_core.h"
+#include "../base/_core.h"
 
 #if defined(__clang__)
 #define COMPILER __VERSION__
