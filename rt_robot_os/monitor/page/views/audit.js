@@ -79,7 +79,7 @@ class AuditView {
     const details = Object.entries(each.details).filter(([key]) => key !== 'flag')
       .map(([key, value]) => `${key}: ${typeof value === 'object' ? JSON.stringify(value) : value}`);
     return h('tr', h('td', format.dateTime(each.t_ns / 1e6)),
-      h('th', {scope: 'row'}, each.name), h('td', action, action !== each.action && h('div.small.muted', each.action),
+      h('th', {scope: 'row'}, each.name), h('td', action, action !== each.action && h('div.small.muted', {translate: 'no'}, each.action),
         each.details.flag === 'emergency' && [' ', badge('warn', t('audit.flag'), 'warn')]),
       h('td.wrap', this.readable(each.object)),
       h('td.wrap.audit-details', this.readable(details.join('; '))),
