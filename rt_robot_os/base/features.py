@@ -16,8 +16,8 @@
 What each feature brings: its modules, devices and programs, and the features that it needs.
 
 A feature is a folder of ``rt_robot_os/features/``. Its ``manifest.py`` declares ``FEATURE`` and
-imports nothing else. ``setup.py``, the registries of modules and devices, `doctor`, the tests and
-the documentation read the manifests, so a feature is added by adding its folder.
+imports nothing else. ``setup.py``, the registries of modules and devices, the tests and the
+documentation read the manifests, so a feature is added by adding its folder.
 """
 
 from __future__ import annotations

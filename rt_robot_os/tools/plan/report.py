@@ -69,7 +69,7 @@ def make_report(robot: RobotTasks, chains: Sequence[ChainRequest] = ()) -> Repor
     Find out everything about a robot's tasks.
 
     :param chains: that are requested.
-    :raises ConfigError: as :func:`rt_robot_os.tools.plan.analyse`; or a chain is none.
+    :raises ConfigError: as :func:`rt_robot_os.tools.plan.analysis.analyse`; or a chain is none.
     """
     tasks, overhead = robot.tasks, robot.overhead
     analysis = analyse(tasks, overhead)

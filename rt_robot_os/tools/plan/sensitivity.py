@@ -102,7 +102,7 @@ def load_margins(tasks: Sequence[PlannedTask], overhead: Overhead = Overhead()) 
 
     Tasks whose execution time is not known are left unchanged.
 
-    :raises ConfigError: as :func:`rt_robot_os.tools.plan.analyse`.
+    :raises ConfigError: as :func:`rt_robot_os.tools.plan.analysis.analyse`.
     """
     check(tasks, overhead)
 
